@@ -22,7 +22,7 @@ class Buffers:
     Args:
         copy: whether observations are the caller's to keep; otherwise later ones overwrite them.
         observation: the observation that writes into the arrays. Where ``copy`` is false and it has arrays of its own, these
-            are used (:class:`segar.observations.protocol.OwnsBuffers`).
+            are used (:func:`segar.observations.own_arrays`).
     """
 
     def __init__(self, num_envs: int, copy: bool, observation: BoundObservation) -> None:

@@ -1,7 +1,5 @@
-from .composed.actions import PreviousActions
-from .composed.joined import Joined
-from .composed.multi import Multi, OneOf, make_observation as make_observation, trained_on as trained_on
-from .composed.previous_step import PreviousStep
+from .composed.multi import Joined, Multi, OneOf, make_observation as make_observation, trained_on as trained_on
+from .composed.past import PreviousActions, PreviousStep
 from .composed.stack import Stack
 from .copying import copy_rows as copy_rows, copy_squares as copy_squares
 from .pixels.solid_colours import COLOURS as COLOURS, RGB as RGB, Colour, Pixels, colour_of as colour_of

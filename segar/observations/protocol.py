@@ -3,26 +3,24 @@
 An observation is a description: which factors, which resolution. :meth:`Observation.bind` makes the object that works in one
 batch of environments and holds its caches. It reads arrays of states and never Python objects.
 
-An environment calls a bound observation in this order; hooks in brackets are optional, and are called only where the bound
-observation has them:
+An environment calls a bound observation in this order; those in brackets are :class:`Hooks`, which are called only where the
+bound observation has them:
 
-* episodes start: [:meth:`LevelHook.forget`, of those that are the first on their level], [:meth:`EpisodeHook.start`], then
-  ``begin``, then ``write``;
-* a step was taken: [:meth:`StepHook.advance`], [:meth:`RewardHook.rewarded`], then ``write``;
-* a step is taken, and the observation is :class:`WrittenBySimulator`: the simulator writes it, and ``write`` is not called;
+* episodes start: [``forget``, of those that are the first on their level], [``start``], then ``begin``, then ``write``;
+* a step was taken: [``advance``], [``rewarded``], then ``write``;
+* a step is taken, and the observation has :func:`simulator_reads`: the simulator writes it, and ``write`` is not called;
 * the caller intervened in the states: ``begin``, then ``write``;
-* a snapshot is taken: [:meth:`HasMemory.memory`];
-* a snapshot is restored: [:meth:`LevelHook.forget`], [:meth:`EpisodeHook.start`], [:meth:`HasMemory.recall`], then
-  ``begin``, then ``write``.
+* a snapshot is taken: [``memory``];
+* a snapshot is restored: [``forget``], [``start``], [``recall``], then ``begin``, then ``write``.
 
-``write`` fills arrays of the environment, or those of the observation itself where it :class:`OwnsBuffers`.
+``write`` fills arrays of the environment, or those of the observation itself where it has :func:`own_arrays`.
 
 The optional parts are looked up by ``getattr``, because ``isinstance`` of a protocol does not see attributes that a wrapper
 forwards by ``__getattr__``.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import gymnasium
@@ -63,86 +61,6 @@ class BoundObservation(Protocol):
         ``out`` is a tuple or dict of such arrays where ``space`` is a Tuple or Dict. To write the same states twice has
         the same result as to write them once.
         """
-
-
-@runtime_checkable
-class EpisodeHook(Protocol):
-    """A bound observation that prepares each episode, and that may choose something once per episode.
-
-    One whose ``start`` makes no use of the key says so by an attribute ``draws_per_episode``, which is then false; see
-    :func:`draws_per_episode`.
-    """
-
-    def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
-        """Start episodes under these keys where ``mask`` (bool ``[env]``) is true.
-
-        All that is chosen must follow from the key or from the level. An environment then sees the same in a batch of any
-        size, and a restored episode goes on as it was.
-
-        Args:
-            key: uint64 ``[env]``, random bits that belong to the episode; its forks share them.
-            level: index of each environment's level, int64 ``[env]``.
-        """
-
-
-@runtime_checkable
-class StepHook(Protocol):
-    """A bound observation that follows the steps of an episode."""
-
-    def advance(self, actions: np.ndarray) -> None:
-        """Note that all environments took a step by these actions, float32 ``[env, action size]``."""
-
-
-@runtime_checkable
-class LevelHook(Protocol):
-    """A bound observation that remembers something over the trials of a level, which are episodes in a row."""
-
-    def forget(self, mask: np.ndarray) -> None:
-        """Forget what was before where ``mask`` (bool ``[env]``) is true: the first episode on a level starts."""
-
-
-@runtime_checkable
-class RewardHook(Protocol):
-    """A bound observation that follows the rewards of steps."""
-
-    def rewarded(self, reward: np.ndarray) -> None:
-        """Note the rewards of the step that all environments took, float64 ``[env]``."""
-
-
-@runtime_checkable
-class HasMemory(Protocol):
-    """A bound observation that shows more than the present state, so that snapshots must hold what it remembers."""
-
-    def memory(self) -> dict[str, np.ndarray]:
-        """Copies of what snapshots must hold, by name; arrays lead with the environment."""
-        ...
-
-    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
-        """Remember what :meth:`memory` returned. An array is absent where another observation took the snapshot."""
-
-
-@runtime_checkable
-class OwnsBuffers(Protocol):
-    """A bound observation that keeps its observations up to date in arrays of its own."""
-
-    kept: Any
-    """Arrays ``[env, *space.shape]``, contiguous or not, or None where there are none.
-
-    An environment that may overwrite what it returned (``copy=False``) gives them to ``write`` as ``out`` and returns them,
-    so that nothing is copied. After :meth:`StepHook.advance` they may be other arrays.
-    """
-
-
-@runtime_checkable
-class WrittenBySimulator(Protocol):
-    """A bound observation that shows numbers of the state as they are.
-
-    The simulator writes such an observation during the step, while the states are in the processor's cache. Observations
-    that are composed of others are written after the step.
-    """
-
-    reads: Reads | None
-    """Which numbers; None where the observation must be written after the step. Then :class:`BoundObservation` applies."""
 
 
 @runtime_checkable
@@ -195,65 +113,57 @@ class DrawsPlanes(Protocol):
         ...
 
 
-@runtime_checkable
-class KnowsTask(Protocol):
-    """An observation that depends on the task."""
-
-    def for_task(self, task: Task) -> Observation:
-        """The observation in environments of this task."""
-        ...
-
-
-@runtime_checkable
-class KnowsTraining(Protocol):
-    """An observation that depends on the levels that an agent is trained on, also where it is tested on others."""
-
-    def trained_on(self, levels: Levels) -> Observation:
-        """The observation of an agent that is trained on these levels, wherever it is bound; itself where it knows them."""
-        ...
-
-
-@runtime_checkable
-class Composed(Protocol):
-    """An observation that is made of others."""
-
-    @property
-    def members(self) -> tuple[Observation, ...]:
-        """The observations that it is made of."""
-        ...
+def _do_nothing(*arguments: Any) -> None:
+    """Stand in for a hook that an observation does not have."""
 
 
 @dataclass(frozen=True)
 class Hooks:
     """The optional methods of a bound observation, and functions that do nothing in the place of those that it lacks."""
 
-    start: Callable[[np.ndarray, np.ndarray, np.ndarray], None]
-    advance: Callable[[np.ndarray], None]
-    rewarded: Callable[[np.ndarray], None]
-    forget: Callable[[np.ndarray], None]
-    memory: Callable[[], dict[str, np.ndarray]]
-    recall: Callable[[Mapping[str, np.ndarray]], None]
+    start: Callable[[np.ndarray, np.ndarray, np.ndarray], None] = _do_nothing
+    """``start(key, level, mask)``: start episodes under these keys where ``mask`` (bool ``[env]``) is true.
+
+    ``key``, uint64 ``[env]``, holds random bits that belong to the episode; its forks share them. ``level``, int64 ``[env]``,
+    is the index of each environment's level. All that is chosen must follow from the key or from the level. An environment
+    then sees the same in a batch of any size, and a restored episode goes on as it was. An observation whose ``start`` makes
+    no use of the key says so by an attribute ``draws_per_episode``, which is then false; see :func:`draws_per_episode`.
+    """
+    advance: Callable[[np.ndarray], None] = _do_nothing
+    """``advance(actions)``: all environments took a step by these actions, float32 ``[env, action size]``."""
+    rewarded: Callable[[np.ndarray], None] = _do_nothing
+    """``rewarded(reward)``: the rewards of the step that all environments took, float64 ``[env]``."""
+    forget: Callable[[np.ndarray], None] = _do_nothing
+    """``forget(mask)``: forget what was before where ``mask`` (bool ``[env]``) is true: the first episode on a level starts. It
+    is for what is remembered over the trials of a level, which are episodes in a row."""
+    memory: Callable[[], dict[str, np.ndarray]] = dict
+    """``memory()``: copies of what snapshots must hold, by name, where more is shown than the present state; arrays lead with
+    the environment."""
+    recall: Callable[[Mapping[str, np.ndarray]], None] = _do_nothing
+    """``recall(memory)``: remember what ``memory`` returned. An array is absent where another observation took the snapshot."""
 
 
 def hooks_of(observation: BoundObservation) -> Hooks:
     """The hooks of a bound observation."""
-    return Hooks(
-        getattr(observation, "start", _do_nothing),
-        getattr(observation, "advance", _do_nothing),
-        getattr(observation, "rewarded", _do_nothing),
-        getattr(observation, "forget", _do_nothing),
-        getattr(observation, "memory", dict),
-        getattr(observation, "recall", _do_nothing),
-    )
+    names = (field.name for field in fields(Hooks))
+    return Hooks(**{name: getattr(observation, name) for name in names if hasattr(observation, name)})
 
 
 def own_arrays(observation: BoundObservation) -> Arrays | None:
-    """The arrays that the observation keeps up to date now, None if it does not own any."""
+    """The arrays ``kept`` of a bound observation that keeps its observations up to date in arrays of its own; None without.
+
+    They are ``[env, *space.shape]``, contiguous or not. An environment that may overwrite what it returned (``copy=False``)
+    gives them to ``write`` as ``out`` and returns them, so that nothing is copied. After ``advance`` they may be others.
+    """
     return getattr(observation, "kept", None)
 
 
 def simulator_reads(observation: BoundObservation) -> Reads | None:
-    """What the simulator writes for the observation during a step, None if the observation is written after it."""
+    """The numbers ``reads`` of the state that a bound observation shows as they are, None if it is written after the step.
+
+    The simulator writes them during the step, while the states are in the processor's cache. Observations that are composed of
+    others are written after the step.
+    """
     return getattr(observation, "reads", None)
 
 
@@ -274,7 +184,7 @@ def draws_per_episode(observation: BoundObservation) -> bool:
     """Whether two episodes of equal states may be observed differently, because the observation chooses by their keys.
 
     It is what the observation's attribute of this name says. Without one, an observation that is composed of others draws
-    if one of these does, and any other is taken to draw if it has the method :meth:`EpisodeHook.start`.
+    if one of these does, and any other is taken to draw if it has the hook ``start``.
     """
     members = getattr(observation, "members", None)
     otherwise = hasattr(observation, "start") if members is None else any(map(draws_per_episode, members))
@@ -283,12 +193,13 @@ def draws_per_episode(observation: BoundObservation) -> bool:
 
 def for_task(observation: Observation, task: Task) -> Observation:
     """The observation in environments of a task: another one if it depends on the task, else the same."""
-    adapt = getattr(observation, "for_task", None)
-    return observation if adapt is None else adapt(task)
+    return adapted(observation, "for_task", task)
 
 
-def _do_nothing(*arguments: Any) -> None:
-    """Stand in for a hook that an observation does not have."""
+def adapted(observation: Observation, method: str, to: Any) -> Observation:
+    """What the optional method ``for_task`` or ``trained_on`` of an observation gives; itself where it has none."""
+    adapt = getattr(observation, method, None)
+    return observation if adapt is None else adapt(to)
 
 
 def empty_batch(space: spaces.Space, num_envs: int) -> Any:

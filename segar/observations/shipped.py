@@ -4,8 +4,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from segar.observations.composed.joined import Joined
-from segar.observations.composed.previous_step import PreviousStep
+from segar.observations.composed.multi import Joined
+from segar.observations.composed.past import PreviousStep
 from segar.observations.composed.stack import Stack
 from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.pixels.textured import TexturedPixels

@@ -1,11 +1,40 @@
-"""What bound observations that are made of others pass on to them, and what a snapshot holds for an observation."""
+"""What observations that are made of others pass on to them, and what a snapshot holds for an observation."""
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import Self
 
 import numpy as np
 
 from segar.errors import SegarError
-from segar.observations.protocol import BoundObservation, hooks_of
+from segar.language import Factor, Task
+from segar.levels import Levels
+from segar.observations.protocol import BoundObservation, Observation, adapted, hooks_of
+
+
+class Composed(ABC):
+    """An observation that is made of others."""
+
+    @property
+    @abstractmethod
+    def members(self) -> tuple[Observation, ...]:
+        """The observations that it is made of, in order."""
+
+    @abstractmethod
+    def of_changed(self, change: Callable[[Observation], Observation]) -> Self:
+        """The same of other members."""
+
+    def shows(self, factor: type[Factor]) -> bool:
+        """Whether any of the members shows the factor."""
+        return any(member.shows(factor) for member in self.members)
+
+    def for_task(self, task: Task) -> Self:
+        """Each of the members in environments of this task."""
+        return self.of_changed(lambda member: adapted(member, "for_task", task))
+
+    def trained_on(self, levels: Levels) -> Self:
+        """Each of the members of an agent that is trained on these levels."""
+        return self.of_changed(lambda member: adapted(member, "trained_on", levels))
 
 
 class BoundComposed:

@@ -1,9 +1,9 @@
-"""Several observations at once: tuples and dicts of any; one of a family, chosen per episode or per level; and what stands for
-an observation: a name, a tuple, a dict."""
+"""Several observations at once: tuples and dicts of any; vectors as one; one of a family, chosen per episode or per level; and
+what stands for an observation: a name, a tuple, a dict."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
@@ -13,18 +13,17 @@ from gymnasium import spaces
 
 from segar.engine import Call
 from segar.errors import SegarError, must_be
-from segar.language import Factor, Task
 from segar.levels import Levels
-from segar.observations.composed.composed import BoundComposed
+from segar.observations.composed.composed import BoundComposed, Composed
 from segar.observations.protocol import (
     Arrays,
     BoundObservation,
     Observation,
     ObservationLike,
+    adapted,
     calls_of,
     draws_per_episode,
     empty_batch,
-    for_task,
     own_arrays,
 )
 from segar.observations.registry import OBSERVATIONS, observation_named
@@ -56,13 +55,11 @@ def trained_on(observation: ObservationLike, levels: Levels) -> Observation:
     Raises:
         SegarError: no observation is called so, or it is none.
     """
-    made = make_observation(observation)
-    adapt = getattr(made, "trained_on", None)
-    return made if adapt is None else adapt(levels)
+    return adapted(make_observation(observation), "trained_on", levels)
 
 
 @dataclass(frozen=True)
-class Multi:
+class Multi(Composed):
     """A tuple of observations, or a dict of them by name; its space is Gymnasium's ``Tuple`` or ``Dict``.
 
     Args:
@@ -88,21 +85,11 @@ class Multi:
         """The observations, in order."""
         return tuple(self.parts.values()) if isinstance(self.parts, Mapping) else tuple(self.parts)
 
-    def shows(self, factor: type[Factor]) -> bool:
-        """Whether any of the members shows the factor."""
-        return any(member.shows(factor) for member in self.members)
-
-    def for_task(self, task: Task) -> Multi:
-        """Each of the members in environments of this task."""
+    def of_changed(self, change: Callable[[Observation], Observation]) -> Multi:
+        """The same of other members."""
         if isinstance(self.parts, Mapping):
-            return Multi({name: for_task(part, task) for name, part in self.parts.items()})
-        return Multi([for_task(part, task) for part in self.parts])
-
-    def trained_on(self, levels: Levels) -> Multi:
-        """Each of the members of an agent that is trained on these levels."""
-        if isinstance(self.parts, Mapping):
-            return Multi({name: trained_on(part, levels) for name, part in self.parts.items()})
-        return Multi([trained_on(part, levels) for part in self.parts])
+            return Multi({name: change(part) for name, part in self.parts.items()})
+        return Multi([change(part) for part in self.parts])
 
     def bind(self, levels: Levels, num_envs: int) -> BoundMulti:
         """The observations at work."""
@@ -111,7 +98,7 @@ class Multi:
 
 
 class BoundMulti(BoundComposed):
-    """:class:`Multi` in one batch of environments; see :class:`segar.observations.protocol.OwnsBuffers`.
+    """:class:`Multi` in one batch of environments.
 
     Args:
         names: of the members where the space is a Dict, None where it is a Tuple.
@@ -155,11 +142,82 @@ class BoundMulti(BoundComposed):
         ]
 
 
+@dataclass(frozen=True)
+class Joined(Composed):
+    """Several vectors, one after the other: float32 ``[sum of their sizes]``.
+
+    >>> import segar
+    >>> seen = segar.observations.Joined(["state", segar.observations.PreviousStep()])
+
+    Args:
+        parts: the observations, or their names; each is a vector of float32.
+
+    Raises:
+        SegarError: there is none, or one is no observation.
+    """
+
+    parts: Sequence[Any]
+
+    def __post_init__(self) -> None:
+        if isinstance(self.parts, str) or not self.parts:
+            raise SegarError(f"Joined: parts must be a list of observations, at least one, not {self.parts!r}")
+        object.__setattr__(self, "parts", tuple(make_observation(part) for part in self.parts))
+
+    @property
+    def members(self) -> tuple[Observation, ...]:
+        """The observations, in order."""
+        return tuple(self.parts)
+
+    def of_changed(self, change: Callable[[Observation], Observation]) -> Joined:
+        """The same of other members."""
+        return Joined(list(map(change, self.parts)))
+
+    def bind(self, levels: Levels, num_envs: int) -> BoundJoined:
+        """The observation at work; raises :class:`SegarError` if a part is no vector of float32."""
+        return BoundJoined([member.bind(levels, num_envs) for member in self.parts], num_envs)
+
+
+class BoundJoined(BoundComposed):
+    """:class:`Joined` in one batch of environments.
+
+    Attributes:
+        names: what each number is, as the members say; the number of the member and the place in it where one does not.
+    """
+
+    def __init__(self, members: list[BoundObservation], num_envs: int) -> None:
+        super().__init__(members, [str(k) for k in range(len(members))])
+        for k, member in enumerate(members):
+            box = member.space
+            if not isinstance(box, gymnasium.spaces.Box) or len(box.shape) != 1 or box.dtype != np.float32:
+                raise SegarError(
+                    f"Joined: it joins vectors of float32, and its part number {k} is {box}; give frames, tables, tuples and"
+                    " dicts beside it, as in {'pixels': 'rgb', 'past': PreviousStep()}"
+                )
+        boxes: list[Any] = [member.space for member in members]
+        low, high = np.concatenate([box.low for box in boxes]), np.concatenate([box.high for box in boxes])
+        self.space = gymnasium.spaces.Box(low, high, dtype=np.float32)
+        sizes = [box.shape[0] for box in boxes]
+        self.names = [
+            name
+            for k, (member, size) in enumerate(zip(members, sizes, strict=True))
+            for name in getattr(member, "names", [f"{k}.{place}" for place in range(size)])
+        ]
+        ends = np.cumsum(sizes).tolist()
+        self._places = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
+        self._parts = [np.zeros((num_envs, size), np.float32) for size in sizes]
+
+    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
+        """Fill ``out[rows]``."""
+        for member, place, part in zip(self.members, self._places, self._parts, strict=True):
+            member.write(values, level, part, rows)
+            out[rows, place] = part[rows]
+
+
 PER = ("episode", "level")
 
 
 @dataclass(frozen=True)
-class OneOf:
+class OneOf(Composed):
     """One of several observations of equal spaces, drawn for each episode or for each level.
 
     Per episode, the draw belongs to the episode: it depends on the environments' seed, the environment and the number
@@ -211,17 +269,9 @@ class OneOf:
         """The weights, float64 ``[member]``."""
         return np.ones(len(self.family)) if self.weights is None else np.asarray(self.weights, float)
 
-    def shows(self, factor: type[Factor]) -> bool:
-        """Whether any of the members shows the factor."""
-        return any(member.shows(factor) for member in self.family)
-
-    def for_task(self, task: Task) -> OneOf:
-        """Each of the members in environments of this task."""
-        return replace(self, family=[for_task(member, task) for member in self.family])
-
-    def trained_on(self, levels: Levels) -> OneOf:
-        """Each of the members of an agent that is trained on these levels."""
-        return replace(self, family=[trained_on(member, levels) for member in self.family])
+    def of_changed(self, change: Callable[[Observation], Observation]) -> OneOf:
+        """The same of other members."""
+        return replace(self, family=list(map(change, self.family)))
 
     def bind(self, levels: Levels, num_envs: int) -> BoundOneOf:
         """The observations at work; raises :class:`SegarError` if their spaces differ."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,13 +13,12 @@ import numpy as np
 
 from segar.engine import Call, with_array
 from segar.errors import SegarError
-from segar.language import Factor, Task
 from segar.levels import Levels
-from segar.observations.composed.composed import BoundComposed, recall_array
-from segar.observations.composed.multi import make_observation, trained_on
+from segar.observations.composed.composed import BoundComposed, Composed, recall_array
+from segar.observations.composed.multi import make_observation
 from segar.observations.composed.past_on_targets import DRAWN, StackArrays
 from segar.observations.copying import copy_rows
-from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation, calls_of, for_task
+from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation, calls_of
 from segar.support import is_plain
 
 TAPE = 64  # steps until the frames have to be moved
@@ -65,7 +64,7 @@ class PlainFrameTape:
 
 
 @dataclass(frozen=True)
-class Stack:
+class Stack(Composed):
     """The last ``n`` of what another observation shows, the newest last.
 
     Frames are joined along the axis of their channels (``[64, 64, 3]`` becomes ``[64, 64, 3 n]``), everything else along
@@ -101,17 +100,9 @@ class Stack:
         """The observation that is stacked."""
         return (self.observation,)
 
-    def shows(self, factor: type[Factor]) -> bool:
-        """Whether the stacked observation shows the factor."""
-        return self.observation.shows(factor)
-
-    def for_task(self, task: Task) -> Stack:
-        """The stack in environments of this task."""
-        return replace(self, observation=for_task(self.observation, task))
-
-    def trained_on(self, levels: Levels) -> Stack:
-        """The stack of an agent that is trained on these levels."""
-        return replace(self, observation=trained_on(self.observation, levels))
+    def of_changed(self, change: Callable[[Observation], Observation]) -> Stack:
+        """The same of another observation."""
+        return replace(self, observation=change(self.observation))
 
     def bind(self, levels: Levels, num_envs: int) -> BoundStack:
         """The stack at work; raises :class:`SegarError` if what is stacked is not one array."""
@@ -124,8 +115,6 @@ class Stack:
 
 class BoundStack(BoundComposed):
     """:class:`Stack` in one batch of environments, with a memory and with arrays of its own.
-
-    See :class:`segar.observations.protocol.HasMemory` and :class:`segar.observations.protocol.OwnsBuffers`.
 
     Args:
         member: the observation that is stacked.

@@ -93,7 +93,7 @@ class TexturedPixels:
 
 
 class BoundTexturedPixels:
-    """:class:`TexturedPixels` in one environment; see :class:`segar.observations.protocol.HasMemory`.
+    """:class:`TexturedPixels` in one environment.
 
     Snapshots hold the features of the patterns: what they were made of at the start of an episode is not in its state.
     """

@@ -53,7 +53,7 @@ def _factors(where: str, given: Any, kind: type[Factor] | None) -> list[type[Fac
 
 def _called(where: str, name: str, kind: type[Factor] | None) -> list[type[Factor]]:
     """The classes of that name, of that kind where there are such."""
-    known = list(concrete_factors())
+    known = concrete_factors()
     found = [factor for factor in known if factor.__name__ == name]
     fitting = [factor for factor in found if kind is None or issubclass(factor, Parameter) == (kind is Parameter)]
     if found:

@@ -94,7 +94,7 @@ class StateVector(StateOptions):
 
 
 class BoundStateVector:
-    """:class:`StateVector` in one batch of environments; see :class:`segar.observations.protocol.WrittenBySimulator`.
+    """:class:`StateVector` in one batch of environments.
 
     Attributes:
         names: what each number is, e.g. ``golfball.Position.x`` or ``world.Gravity``.

@@ -21,22 +21,7 @@ from segar.observations import (
     StateVector,
     TexturedPixels,
 )
-from segar.observations.protocol import (
-    BoundObservation,
-    Composed,
-    DrawsPlanes,
-    EpisodeHook,
-    HasMemory,
-    KnowsTask,
-    KnowsTraining,
-    LevelHook,
-    Observation,
-    OwnsBuffers,
-    RewardHook,
-    StepHook,
-    WrittenBySimulator,
-    draws_per_episode,
-)
+from segar.observations.protocol import BoundObservation, Observation, draws_per_episode
 
 LEVELS = segar.family("objectsx1-hard").sample(4, seed=0)
 HOOKS = ("forget", "start", "advance", "rewarded", "memory", "recall")
@@ -132,21 +117,17 @@ def test_hooks_that_a_wrapper_forwards_are_called():
         np.testing.assert_array_equal(plain.step(action)[0], wrapped.step(action)[0])
 
 
-REMEMBERING = (EpisodeHook, StepHook, LevelHook, RewardHook)  # what an observation of others hands on to them
+EVERY_HOOK = {*HOOKS}
 BUILT_IN = {
-    "state": (StateVector(), {WrittenBySimulator}, {KnowsTraining}),
-    "rgb": (Pixels(), set(), {DrawsPlanes}),
-    "textures": (TexturedPixels(), {EpisodeHook, HasMemory}, {DrawsPlanes}),
-    "actions": (PreviousActions(), {EpisodeHook, StepHook, HasMemory}, {KnowsTask}),
-    "step": (PreviousStep(), {EpisodeHook, StepHook, LevelHook, RewardHook, HasMemory}, {KnowsTask}),
-    "joined": (Joined(["state"]), {*REMEMBERING, HasMemory}, {KnowsTask, KnowsTraining, Composed}),
-    "stack": (Stack("rgb", 2), {*REMEMBERING, HasMemory, OwnsBuffers}, {KnowsTask, KnowsTraining, Composed}),
-    "tuple": (
-        Multi(("rgb", "state")),
-        {*REMEMBERING, HasMemory, OwnsBuffers},
-        {KnowsTask, KnowsTraining, Composed},
-    ),
-    "one of several": (OneOf(["rgb"]), {*REMEMBERING, HasMemory}, {KnowsTask, KnowsTraining, Composed}),
+    "state": (StateVector(), {"reads"}, {"trained_on"}),
+    "rgb": (Pixels(), set(), {"in_planes"}),
+    "textures": (TexturedPixels(), {"start", "memory", "recall"}, {"in_planes"}),
+    "actions": (PreviousActions(), {"start", "advance", "memory", "recall"}, {"for_task"}),
+    "step": (PreviousStep(), EVERY_HOOK, {"for_task"}),
+    "joined": (Joined(["state"]), EVERY_HOOK, {"for_task", "trained_on", "members"}),
+    "stack": (Stack("rgb", 2), {*EVERY_HOOK, "kept"}, {"for_task", "trained_on", "members"}),
+    "tuple": (Multi(("rgb", "state")), {*EVERY_HOOK, "kept"}, {"for_task", "trained_on", "members"}),
+    "one of several": (OneOf(["rgb"]), EVERY_HOOK, {"for_task", "trained_on", "members"}),
 }
 
 
@@ -181,13 +162,12 @@ def test_an_observation_of_ones_own_that_hears_of_episodes_is_taken_to_draw_unle
 
 
 @pytest.mark.parametrize(("observation", "of_bound", "of_description"), BUILT_IN.values(), ids=BUILT_IN)
-def test_built_in_observations_have_the_protocols_that_they_are_documented_with(observation, of_bound, of_description):
+def test_built_in_observations_have_the_hooks_that_they_need(observation, of_bound, of_description):
     bound = observation.bind(LEVELS, 2)
     assert isinstance(observation, Observation) and isinstance(bound, BoundObservation)
-    assert {p for p in (*REMEMBERING, HasMemory, OwnsBuffers, WrittenBySimulator) if isinstance(bound, p)} == of_bound
-    assert {
-        p for p in (DrawsPlanes, KnowsTask, KnowsTraining, Composed) if isinstance(observation, p)
-    } == of_description
+    assert {name for name in (*HOOKS, "kept", "reads") if hasattr(bound, name)} == of_bound
+    optional = ("in_planes", "for_task", "trained_on", "members")
+    assert {name for name in optional if hasattr(observation, name)} == of_description
 
 
 def test_the_simulator_writes_what_write_would():

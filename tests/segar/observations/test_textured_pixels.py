@@ -26,7 +26,6 @@ from segar.language.factors import (
 )
 from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.pixels.textured import TexturedPixels
-from segar.observations.protocol import HasMemory, Observation
 from segar.textures import TextureSet
 from tests.segar.observations.plain_renderer import Look, draw_plainly
 from tests.segar.observations.scenes import ANYTHING, Scene, draw, frames_of, put, random_textures, scene, start
@@ -210,13 +209,6 @@ def test_what_is_shown_is_said():
         heat: Warmth
 
     assert SHOWING["textured"].shows(Warmth) and not SHOWING["hiding"].shows(Warmth)
-
-
-def test_textured_pixels_keep_the_protocol_of_observations():
-    pixels = TexturedPixels(random_textures(), 32)
-    assert isinstance(pixels, Observation)
-    assert isinstance(pixels.bind(LEVELS, 40), HasMemory)
-    assert pixels.bind(LEVELS, 40).space.shape == (32, 32, 3)
 
 
 def test_options_that_do_not_exist_are_refused_with_those_that_do():
