@@ -24,8 +24,8 @@ import segar
 from segar.cli import main as run_segar
 from segar.cli.figures import together
 from segar.hardness import hardness
-from segar.language import Factor, Parameter
-from segar.levels import TASK_LEVELS, Levels, all_subclasses
+from segar.language import Factor, Parameter, all_subclasses
+from segar.levels import TASK_LEVELS, Levels
 from segar.playground import make_playground
 from segar.rendering import View
 from segar.support import aligned

@@ -10,7 +10,6 @@ from .rollouts import make_starts as make_starts
 from .similarity import (
     dynamics_distances,
     policy_similarity,
-    policy_similarity_of_states as policy_similarity_of_states,
 )
 from .situations import Situations as Situations, make_situations
 

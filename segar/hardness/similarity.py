@@ -79,34 +79,6 @@ def policy_similarity(a: Plan | Episodes, b: Plan | Episodes, gamma: float = 0.9
     return total
 
 
-def policy_similarity_of_states(
-    a: Plan | Episodes, b: Plan | Episodes, i: int, j: int, gamma: float = 0.99
-) -> np.ndarray:
-    """The metric between all states on the oracle's path in level ``i`` of ``a`` and in level ``j`` of ``b``.
-
-    Returns:
-        float64 ``(steps of i + 1, steps of j + 1)``; the last states are those in which nothing is done any more. The
-        first entry is what :func:`policy_similarity` says of the two levels.
-
-    Raises:
-        SegarError: as :func:`policy_similarity`.
-    """
-    _check(a, b, gamma)
-    for side, plan, k in (("i", a, i), ("j", b, j)):
-        if not -len(plan.steps) <= k < len(plan.steps):
-            raise SegarError(f"policy_similarity_of_states: {side} is {k}, and there are {len(plan.steps)} levels")
-    x, y = (plan.actions[k, : plan.steps[k]] for plan, k in ((a, i), (b, j)))
-    nothing = np.zeros((1, x.shape[1]), np.float32)
-    cost = _apart(np.concatenate([x, nothing]), np.concatenate([y, nothing]))
-    n, m = cost.shape
-    d = np.zeros((n, m))
-    for s in range(n - 1, -1, -1):
-        for t in range(m - 1, -1, -1):
-            # The last entry is zero still when it asks for itself: two episodes that are over stay alike for ever.
-            d[s, t] = cost[s, t] + gamma * d[min(s + 1, n - 1), min(t + 1, m - 1)]
-    return d
-
-
 def _response(starts: Starts, sequence: np.ndarray, columns: list[int]) -> np.ndarray:
     """What the actions changed in each level, step after step, ``(levels, steps * entities * columns)``."""
     n = len(starts.levels)

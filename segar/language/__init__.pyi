@@ -55,6 +55,7 @@ from .factors import (
     Vector,
     Velocity,
     Visible as Visible,
+    all_subclasses as all_subclasses,
     concrete_factors as concrete_factors,
 )
 from .layout import (
@@ -81,12 +82,10 @@ from .parameters import (
 )
 from .relations import Relation, as_relation as as_relation, contains, is_equal, is_on, overlaps, relation
 from .rule_definition import (
-    SPECIFICITY_OBJECT as SPECIFICITY_OBJECT,
-    SPECIFICITY_SUBCLASS as SPECIFICITY_SUBCLASS,
-    SPECIFICITY_THING as SPECIFICITY_THING,
     Rule,
     as_rule as as_rule,
     rule,
+    specificity_of as specificity_of,
     value_rule as value_rule,
 )
 from .shapes import (
@@ -99,6 +98,7 @@ from .shapes import (
     RandomConvexHull,
     Square as Square,
     Triangle as Triangle,
+    polygon_areas as polygon_areas,
 )
 from .signature import (
     Action,

@@ -6,7 +6,6 @@ factor; rules of the parent apply to the child, not the reverse::
     class Temperature(segar.Scalar, default=20.0, unit="degC"): ...
 """
 
-from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import numpy as np
@@ -202,15 +201,17 @@ def _is_symbol(value: Any) -> bool:
     return hasattr(value, "select")
 
 
-def concrete_factors() -> Iterator[type[Factor]]:
+def all_subclasses(cls: type) -> list[type]:
+    """The classes that inherit from one, in order of definition, each before those that inherit from it."""
+    found: dict[type, None] = {}
+    for child in cls.__subclasses__():
+        found |= {child: None} | dict.fromkeys(all_subclasses(child))
+    return list(found)
+
+
+def concrete_factors() -> list[type[Factor]]:
     """All factors defined so far, the user's included, in order of definition, without the kinds themselves."""
-    kinds = (Scalar, Count, Flag, Vector, Text, Marker)
-    stack = list(Factor.__subclasses__())
-    while stack:
-        cls = stack.pop(0)
-        stack[:0] = cls.__subclasses__()
-        if cls not in kinds:
-            yield cls
+    return [one for one in all_subclasses(Factor) if one not in (Scalar, Count, Flag, Vector, Text, Marker)]
 
 
 class Position(Vector, unit="m"): ...
@@ -318,5 +319,5 @@ __all__ = [
     "ID", "LARGEST", "Acceleration", "Alive", "Charge", "Collides", "Consumes", "Count", "Density", "Done", "Drag",
     "Factor", "Flag", "Floor", "Friction", "Heat", "InfiniteEnergy", "Label", "Magnetism", "Marker", "Mass", "Mobile",
     "Order", "Position", "Scalar", "Shape", "Size", "StoredEnergy", "Text", "Vector", "Velocity", "Visible",
-    "concrete_factors",
+    "all_subclasses", "concrete_factors",
 ]  # fmt: skip

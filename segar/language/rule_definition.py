@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any, overload
 
 from segar.errors import RuleError
-from segar.language.entities import Object, Thing, Tile
+from segar.language.entities import Entity, Object, Thing, Tile
 from segar.language.factors import Factor
 from segar.language.parameters import Parameter
 from segar.language.pickling import ByName
@@ -144,12 +144,13 @@ def _make_rule(function: Callable[..., Any], relation: Any, priority: int | None
         )
     tree = trace(function, symbolic_arguments(signature), effects_leaf(signature.effects), code_place(function))
     if priority is None:
-        priority = max([condition.specificity if condition else 0, *map(_specificity, signature.entities)])
+        of_types = (specificity_of(pattern.entity_type) for pattern in signature.entities)
+        priority = max([condition.specificity if condition else 0, *of_types])
     return Rule(function, signature, tree, condition, priority, recheck)
 
 
-def _specificity(pattern: Pattern) -> int:
-    kind = pattern.entity_type
+def specificity_of(kind: type[Entity] | None) -> int:
+    """How specific a rule or a prior for entities of this type is; for None, of any type."""
     if kind is None or not issubclass(kind, Thing):
         return 0
     if kind is Thing:

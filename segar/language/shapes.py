@@ -1,6 +1,6 @@
-"""Outlines of things: circles and convex hulls, their areas and extents, and the statistics of hulls of Gaussian points.
+"""Outlines of things: circles and convex hulls, their areas, and the density of hulls of Gaussian points.
 
-Points of the statistics are independent, with mean zero and standard deviation ``sigma`` per axis. The vertices v_1 ... v_k
+Points are independent, with mean zero and standard deviation ``sigma`` per axis. The vertices v_1 ... v_k
 of the hull of n points, counter-clockwise from the lowest, have the density
 
     n! / (n - k)!  *  f(v_1) ... f(v_k)  *  P(a point lies inside the hull)^(n - k)
@@ -15,13 +15,11 @@ from typing import Any
 import numpy as np
 
 from segar.errors import FactorError
-from segar.support import Estimate, LevelGenerator
+from segar.support import LevelGenerator
 
 CIRCLE = 1  # shape kinds as the kernels see them; 0 means no shape
 HULL = 2
 HULL_POINTS = 100  # a random hull encloses this many Gaussian points, as in 2022
-GRID = 4001  # points of the integrals over one normal variable: the trapezoidal rule, exact to rounding for Gaussians
-REACH = 12.0  # standard deviations of these integrals to either side
 
 
 class BaseShape:
@@ -133,27 +131,6 @@ class RandomConvexHull(BaseShape):
         padded[np.arange(count.max()) < count[:, None]] = np.concatenate(list(hulls))
         return hull_log_density(padded, count, self.size / 2, HULL_POINTS)
 
-    def entropy(self, draws: int = 4000, seed: int = 0) -> Estimate:
-        """Differential entropy of the vertices [nats], the mean negative log density of so many draws; the error is a
-        standard error."""
-        density = self.log_prob(self.sample(np.random.default_rng(seed), draws))
-        return Estimate(-float(density.mean()), float(density.std(ddof=1)) / draws**0.5)
-
-    @property
-    def mean_vertices(self) -> float:
-        """Expected number of vertices."""
-        return mean_vertices(HULL_POINTS)
-
-    @property
-    def mean_perimeter(self) -> float:
-        """Expected length of the outline [m]."""
-        return mean_perimeter(HULL_POINTS, self.size / 2)
-
-    @property
-    def mean_area(self) -> float:
-        """Expected area [m^2]."""
-        return mean_area(HULL_POINTS, self.size / 2)
-
 
 def convex_hull(points: np.ndarray) -> np.ndarray:
     """Vertices of the convex hull of ``points`` (float ``(n, 2)``), counter-clockwise; raises for fewer than 3."""
@@ -168,10 +145,18 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
         raise FactorError(f"these {len(points)} points do not span an area, so they have no convex hull") from None
 
 
-def area(vertices: np.ndarray) -> float:
-    """Area of a convex polygon by the shoelace formula; ``vertices`` float ``(n, 2)``, counter-clockwise."""
-    x, y = vertices[:, 0], vertices[:, 1]
-    return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+def polygon_areas(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Areas of polygons ``[n, room, 2]``, padded beyond ``counts``, by the shoelace formula; negative where clockwise."""
+    after = _next_vertices(vertices, counts)
+    cross = vertices[..., 0] * after[..., 1] - vertices[..., 1] * after[..., 0]
+    return 0.5 * np.where(np.arange(vertices.shape[1]) < counts[:, None], cross, 0.0).sum(axis=1)
+
+
+def _next_vertices(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """The vertex that follows on each; the first one follows on the last."""
+    place = np.arange(vertices.shape[1])
+    following = np.where(place + 1 < counts[:, None], place + 1, 0)
+    return np.take_along_axis(vertices, following[..., None], axis=1)
 
 
 def convex_hulls(points: np.ndarray) -> list[np.ndarray]:
@@ -238,11 +223,9 @@ def gaussian_mass(vertices: np.ndarray, count: np.ndarray) -> np.ndarray:
     by Owen's T function (Owen 1956)."""
     from scipy.special import owens_t
 
-    index = np.arange(vertices.shape[1])
-    following = np.where(index[None] + 1 < count[:, None], index + 1, 0)
-    edge = np.take_along_axis(vertices, following[..., None], axis=1) - vertices
+    edge = _next_vertices(vertices, count) - vertices
     length = np.sqrt((edge**2).sum(axis=-1))
-    real = (index < count[:, None]) & (length > 0)
+    real = (np.arange(vertices.shape[1]) < count[:, None]) & (length > 0)
     along = edge / np.where(real, length, 1.0)[..., None]
     height = vertices[..., 0] * along[..., 1] - vertices[..., 1] * along[..., 0]  # > 0 where the origin is to the left
     start = (vertices * along).sum(axis=-1)
@@ -252,26 +235,3 @@ def gaussian_mass(vertices: np.ndarray, count: np.ndarray) -> np.ndarray:
     angle = (np.arctan(high) - np.arctan(low)) / (2 * math.pi)
     wedge = angle - owens_t(h, high) + owens_t(h, low)
     return np.where(real, np.sign(height) * wedge, 0.0).sum(axis=1)
-
-
-def mean_vertices(points: int) -> float:
-    """Expected number of vertices (Renyi and Sulanke 1963): 4 sqrt(pi) C(n, 2) times the integral of Phi^(n-2) phi^2."""
-    return 4 * math.sqrt(math.pi) * math.comb(points, 2) * _integral(points, 2)
-
-
-def mean_perimeter(points: int, sigma: float) -> float:
-    """Expected length of the outline (Efron 1965): 4 pi C(n, 2) times the integral of Phi^(n-2) phi^2."""
-    return 4 * math.pi * sigma * math.comb(points, 2) * _integral(points, 2)
-
-
-def mean_area(points: int, sigma: float) -> float:
-    """Expected area (Efron 1965): 3 pi C(n, 3) times the integral of Phi^(n-3) phi^3."""
-    return 3 * math.pi * sigma**2 * math.comb(points, 3) * _integral(points, 3)
-
-
-def _integral(points: int, power: int) -> float:
-    from scipy.special import ndtr
-
-    x = np.linspace(-REACH, REACH, GRID)
-    phi = np.exp(-0.5 * x * x) / math.sqrt(2 * math.pi)
-    return float((ndtr(x) ** (points - power) * phi**power).sum() * (x[1] - x[0]))

@@ -1,7 +1,7 @@
 from . import checks as checks, moments as moments
 from .apart import near_levels as near_levels
 from .conditional import Dependent
-from .description import all_subclasses as all_subclasses, description_of as description_of
+from .description import description_of as description_of
 from .distribution import LevelDistribution
 from .distribution_text import read_distribution as read_distribution, written as written
 from .family_names import DIFFICULTIES as DIFFICULTIES, TASKS as TASKS, TASK_LEVELS as TASK_LEVELS, families

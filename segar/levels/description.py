@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, did_you_mean
-from segar.language import Entity, GlobalFriction, Layout, Parameter, Slot
+from segar.language import Entity, GlobalFriction, Layout, Parameter, Slot, all_subclasses
 from segar.levels.level_data import LevelData, Provenance
 from segar.levels.moments import Moments, source_moments
 from segar.rules import World
@@ -108,14 +108,6 @@ def origin_of(description: Mapping[str, Any], layout: Layout, indices: np.ndarra
     )
     moments = _moments(description, layout, path)
     return {"layout": layout, "provenance": provenance, "task": description.get("task"), "moments": moments}
-
-
-def all_subclasses(cls: type) -> list[type]:
-    """The classes that inherit from one, in order of definition, each before those that inherit from it."""
-    found: dict[type, None] = {}
-    for child in cls.__subclasses__():
-        found |= {child: None} | dict.fromkeys(all_subclasses(child))
-    return list(found)
 
 
 def _class_address(cls: type) -> dict[str, Any]:

@@ -11,9 +11,8 @@ import numpy as np
 
 from segar import language, noise
 from segar.errors import LevelError, SegarError, did_you_mean
-from segar.language import BaseShape, Entity, Factor, Relation, Symbol, ThingFactory
+from segar.language import BaseShape, Entity, Factor, Relation, Symbol, ThingFactory, all_subclasses
 from segar.levels.conditional import Dependent
-from segar.levels.description import all_subclasses
 from segar.levels.distribution import LevelDistribution
 from segar.levels.hashing import content_hash
 from segar.levels.priors import Prior

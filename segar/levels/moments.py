@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from segar.language import HULL, Entity, Factor, GlobalFriction, Parameter, Size
+from segar.language import HULL, Entity, Factor, GlobalFriction, Parameter, Size, polygon_areas
 from segar.levels.level_data import LevelData, LevelSource
 from segar.noise import wrap
 
@@ -70,7 +70,7 @@ def gather_state(levels: LevelData, entity: type[Entity], factors: Sequence[type
     level, slot = np.nonzero(levels.types == levels.layout.types.index(entity))
     hull = levels.shape_kind[level, slot] == HULL
     if hull.any():
-        areas = _polygon_areas(levels.vertices[level[hull], slot[hull]], levels.vertex_count[level[hull], slot[hull]])
+        areas = polygon_areas(levels.vertices[level[hull], slot[hull]], levels.vertex_count[level[hull], slot[hull]])
         column = sum(f.width for f in factors[: list(factors).index(Size)])
         found.points[hull, column] = 2 * np.sqrt(areas / np.pi)
     return found
@@ -124,12 +124,3 @@ def mean_and_variance(values: np.ndarray, period: float | None) -> tuple[np.ndar
     turn = 2 * np.pi / period
     mean = np.arctan2(np.sin(values * turn).mean(axis=0), np.cos(values * turn).mean(axis=0)) / turn
     return mean, (wrap(values - mean, period) ** 2).mean(axis=0)
-
-
-def _polygon_areas(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Areas of convex polygons, vertices float64 ``[n, V, 2]`` padded beyond ``counts``, by the shoelace formula."""
-    k = np.arange(vertices.shape[1])
-    following = np.where(k + 1 < counts[:, None], k + 1, 0)
-    after = np.take_along_axis(vertices, following[..., None], axis=1)
-    cross = vertices[..., 0] * after[..., 1] - vertices[..., 1] * after[..., 0]
-    return 0.5 * np.where(k < counts[:, None], cross, 0.0).sum(axis=1)

@@ -28,28 +28,23 @@ import numpy as np
 from segar.errors import FactorError, PriorError, did_you_mean
 from segar.language import (
     ARENA,
-    SPECIFICITY_OBJECT,
-    SPECIFICITY_SUBCLASS,
-    SPECIFICITY_THING,
     Count,
     Entity,
     Factor,
     Flag,
     GlobalFriction,
     Marker,
-    Object,
     Parameter,
     Position,
     Relation,
     Shape,
     Symbol,
     Text,
-    Thing,
     ThingFactory,
-    Tile,
     as_relation,
     evaluate,
     holds,
+    specificity_of,
     walk,
 )
 from segar.levels.conditional import Dependent
@@ -158,7 +153,7 @@ def specificity(prior: Prior) -> tuple[int, int, bool, int]:
     """What two priors are compared by; the larger one wins."""
     kind, relation = prior.entity_type, prior.relation
     return (
-        max(_type_specificity(kind), relation.specificity if relation is not None else 0),
+        max(specificity_of(kind), relation.specificity if relation is not None else 0),
         len(kind.__mro__) if kind is not None else 0,
         relation is not None,
         len(prior.factor.__mro__),
@@ -327,11 +322,3 @@ def _may_set(prior: Prior, entity: type[Entity], factor: type[Factor]) -> bool:
     if not issubclass(factor, prior.factor) or (prior.entity_type and not issubclass(entity, prior.entity_type)):
         return False
     return prior.relation is None or _decided_by_type(prior.relation.truth, entity) is not False
-
-
-def _type_specificity(kind: type[Entity] | None) -> int:
-    if kind is None or not issubclass(kind, Thing):
-        return 0
-    if kind is Thing:
-        return SPECIFICITY_THING
-    return SPECIFICITY_OBJECT if kind in (Object, Tile) else SPECIFICITY_SUBCLASS

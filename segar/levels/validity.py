@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from segar.errors import LevelError
-from segar.language import CIRCLE, HULL, LARGEST, Factor, Layout, Shape
+from segar.language import CIRCLE, HULL, LARGEST, Factor, Layout, Shape, polygon_areas
 from segar.levels.level_data import LevelData
 from segar.support import Form
 
@@ -118,15 +118,11 @@ def _check_outlines(levels: LevelData, where: str) -> None:
 
 
 def _encloses(hulls: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Whether vertices ``[hull, room, 2]`` are finite and counter-clockwise around an area, by the shoelace formula."""
-    place = np.arange(hulls.shape[1])
-    used = place < counts[:, None]
-    following = np.where(place + 1 < counts[:, None], place + 1, 0)
+    """Whether vertices ``[hull, room, 2]`` are finite and counter-clockwise around an area."""
+    used = np.arange(hulls.shape[1]) < counts[:, None]
     finite = ((np.abs(hulls) <= LARGEST) | ~used[..., None]).all(axis=(1, 2))
     corners = np.where((used & finite[:, None])[..., None], hulls, 0.0)
-    after = np.take_along_axis(corners, following[..., None], axis=1)
-    cross = corners[..., 0] * after[..., 1] - corners[..., 1] * after[..., 0]
-    return finite & (np.where(used, cross, 0.0).sum(axis=1) > 0.0)
+    return finite & (polygon_areas(corners, counts) > 0.0)
 
 
 def _per_type(levels: LevelData, factor: type[Factor]) -> np.ndarray:

@@ -93,11 +93,6 @@ class Causes:
     on_levels: np.ndarray
     on_twins: Mapping[str, np.ndarray]
 
-    def attributed_to(self, group: str) -> np.ndarray:
-        """The levels on which the policy fails more often than not, and on whose twin it succeeds more often than not; bool
-        ``(n,)``. Raises :class:`SuiteError` where there is no such group."""
-        return (self.on_levels < 0.5) & (self._of(group) > 0.5)
-
     def cause(self, group: str) -> Cause:
         """The figures of a group; raises :class:`SuiteError` where there is none."""
         one, twin = self.twins[group], self._of(group)

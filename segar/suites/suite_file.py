@@ -17,8 +17,8 @@ import numpy as np
 
 from segar.errors import SegarError, SuiteError, did_you_mean
 from segar.hardness import Plan
-from segar.language import Factor, Task
-from segar.levels import LevelDistribution, Levels, all_subclasses, family, hash_of_levels, read_distribution
+from segar.language import Factor, Task, all_subclasses
+from segar.levels import LevelDistribution, Levels, family, hash_of_levels, read_distribution
 from segar.suites.rules_by_name import RULES, rules_of
 from segar.suites.suite_names import AXES, DATA, SIDES, SUFFIX, suites
 from segar.support import is_whole, misfit

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.language import Entity, Factor, concrete_factors
-from segar.levels import all_subclasses
+from segar.language import Entity, Factor, all_subclasses, concrete_factors
 
 BACKGROUND = "background"
 NOISE = "noise"

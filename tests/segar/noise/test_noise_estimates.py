@@ -9,17 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import segar
 import segar.noise as sn
-from segar.language.shapes import (
-    area,
-    convex_hulls,
-    gaussian_mass,
-    hull_log_density,
-    mean_area,
-    mean_perimeter,
-    mean_vertices,
-)
+from segar.language.shapes import convex_hulls, gaussian_mass, hull_log_density, polygon_areas
 from segar.levels.sampling.draws import pad_hulls
 from segar.noise.line_distances import w2_line
 
@@ -128,19 +119,25 @@ def hulls(count: int, points: int, sigma: float = 1.0) -> tuple[list[np.ndarray]
     return found, *pad_hulls(found, points, None)
 
 
+def mean_vertices(points: int) -> float:
+    """Expected number of vertices (Renyi and Sulanke 1963): 4 sqrt(pi) C(n, 2) times the integral of Phi^(n-2) phi^2."""
+    return 4 * math.sqrt(math.pi) * math.comb(points, 2) * integral(points, 2)
+
+
+def integral(points: int, power: int) -> float:
+    x = np.linspace(-12, 12, 4001)
+    return float((stats.norm.cdf(x) ** (points - power) * stats.norm.pdf(x) ** power).sum() * (x[1] - x[0]))
+
+
 def test_random_hulls_have_the_mean_vertices_outline_and_area_that_theory_says():
-    found, _, count = hulls(4000, 100, sigma=0.15)
-    shape = segar.RandomConvexHull(0.3)
-    areas = np.array([area(hull) for hull in found])
+    found, padded, count = hulls(4000, 100, sigma=0.15)
     outlines = np.array([np.linalg.norm(hull - np.roll(hull, 1, axis=0), axis=1).sum() for hull in found])
     for seen, expected in [
-        (count, shape.mean_vertices),
-        (areas, shape.mean_area),
-        (outlines, shape.mean_perimeter),
+        (count, mean_vertices(100)),
+        (polygon_areas(padded, count), 3 * math.pi * 0.15**2 * math.comb(100, 3) * integral(100, 3)),  # Efron 1965
+        (outlines, mean_vertices(100) * math.sqrt(math.pi) * 0.15),
     ]:
         assert abs(seen.mean() - expected) < 4 * seen.std() / math.sqrt(len(seen))
-    assert (mean_vertices(3), mean_perimeter(3, 1.0)) == pytest.approx((3.0, 3 * math.sqrt(math.pi)))
-    assert mean_area(3, 1.0) == pytest.approx(math.sqrt(3) / 2)  # of a Gaussian triangle
 
 
 def test_the_mass_in_a_polygon_is_the_share_of_points_inside():
@@ -167,14 +164,3 @@ def test_the_density_of_a_hull_of_four_points_integrates_to_one():
     corners = [hull for hull in found if len(hull) == 4]
     flat = stats.norm.logpdf(np.array([np.ravel(hull) for hull in corners])).sum(axis=1) + math.log(24)
     assert np.allclose(hull_log_density(padded[count == 4], count[count == 4], 1.0, 4), flat)
-
-
-def test_the_entropy_of_a_hull_is_the_mean_negative_log_density():
-    shape = segar.RandomConvexHull(0.3)
-    found = shape.sample(np.random.default_rng(5), 4000)
-    density = shape.log_prob(found)
-    entropy = shape.entropy()
-    error = math.hypot(entropy.error, density.std() / math.sqrt(len(density)))
-    assert abs(entropy.value + density.mean()) < 4 * error
-    larger = segar.RandomConvexHull(0.6).entropy()
-    assert larger.value - entropy.value == pytest.approx(shape.mean_vertices * 2 * math.log(2), abs=0.2)

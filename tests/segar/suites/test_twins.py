@@ -155,12 +155,9 @@ def test_a_policy_that_fails_where_the_mass_is_large_is_attributed_to_mass_and_t
     assert found.on_levels.mean() == 0
     for cause in found.causes():
         if cause.group in ("Mass", ALL_THAT_DIFFERS):
-            assert (
-                cause.attributed.value == 1 == cause.effect.value
-                and found.attributed_to(cause.group).sum() == cause.twins
-            )
+            assert cause.attributed.value == 1 == cause.effect.value
         else:
-            assert cause.attributed.value == 0 == cause.effect.value and not found.attributed_to(cause.group).any()
+            assert cause.attributed.value == 0 == cause.effect.value
     assert "Mass" in str(found) and len(found.rows()) == len(made.groups)
 
 
