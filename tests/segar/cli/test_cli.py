@@ -90,10 +90,7 @@ def test_one_s_own_distribution_and_task_are_named_by_module_and_attribute(capsy
         (["kernel", "show", "empty-hard", "--task", "putput"], "no task is called 'putput'. Did you mean 'puttputt'?"),
         (["compile", "no_such_module:dist"], "'no_such_module:dist' cannot be imported: No module named"),
         (["kernel", "show", "segar:World"], "'segar:World' is not a LevelDistribution but <class"),
-        (
-            ["kernel", "show", "empty-hard", "--task", "billiards"],
-            "choose the task that these levels are for (task=...)",
-        ),
+        (["kernel", "show", "empty-hard", "--task", "billiards"], "choose the task that these levels are for"),
     ],
 )
 def test_what_is_not_known_is_one_line_and_exit_status_2(capsys, arguments, message):

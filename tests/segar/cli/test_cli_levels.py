@@ -212,14 +212,8 @@ def test_rules_that_a_level_file_only_names_are_asked_for(capsys, tmp_path):
     ("arguments", "message"),
     [
         (["sample", "objectx3-hard", "-o", "x.npz"], "no level family 'objectx3-hard'. Did you mean 'objectsx3-hard'?"),
-        (
-            ["sample", "place-few-v1", "-o", "x.npz"],
-            "The suite place-few-v1 has levels of its own: `segar suites",
-        ),
-        (
-            ["sample", "place-fw-v1", "-o", "x.npz"],
-            "'place-fw-v1' is no level family. The suite place-few-v1 has levels",
-        ),
+        (["sample", "place-few-v1", "-o", "x.npz"], "The suite place-few-v1 has levels of its own: `segar suites"),
+        (["sample", "place-fw-v1", "-o", "x.npz"], "'place-fw-v1' is no level family. The suite place-few-v1"),
         (["sample", "empty-hard", "-o", "no/such/folder/x.npz"], "levels cannot be written to no/such/folder/x.npz"),
         (["distance", "{easy}", "nothing.npz"], "there is no level file nothing.npz"),
         (["distance", "{easy}", "{text}"], "is not a level file"),
@@ -251,10 +245,7 @@ def test_what_cannot_be_done_is_one_line_and_exit_status_2(
     ("arguments", "message"),
     [
         (["sample", "empty-hard"], "the following arguments are required: -o/--output"),
-        (
-            ["sample", "empty-hard", "-n", "0", "-o", "x"],
-            "argument -n/--number: must be a whole number from 1 up, not '0'",
-        ),
+        (["sample", "empty-hard", "-n", "0", "-o", "x"], "argument -n/--number: must be a whole number"),
         (["sample", "empty-hard", "-n", "few", "-o", "x"], "must be a whole number from 1 up, not 'few'"),
         (["distance", "a", "b", "--mode", "exat"], "argument --mode: invalid choice: 'exat'"),
         (["hardness", "a", "--samples", "7"], "must be a whole number from 8 up, not '7'"),

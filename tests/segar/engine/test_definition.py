@@ -211,33 +211,13 @@ def reads_what_a_ball_lacks(ball: Ball) -> SetFactor[Mass]:
 @pytest.mark.parametrize(
     ("function", "line", "complaint"),
     [
-        (
-            loops_over_a_factor,
-            2,
-            r"`for part in v.norm\(\):`\): a rule cannot loop over a factor; write a rule on several",
-        ),
+        (loops_over_a_factor, 2, r"`for part in v.norm\(\):`\): a rule cannot loop over a factor"),
         (loops_until, 1, "`while m > 1:`.*a rule cannot loop until a factor reaches a value"),
-        (
-            makes_a_float,
-            1,
-            r"`x = float\(m\)`\): a factor's value is not known while the rule is compiled, so float\(\)",
-        ),
-        (
-            calls_math,
-            1,
-            r"`x = math.sin\(m\)`.*math.\* and numpy cannot use it; use arithmetic, or segar.language.sqrt, exp",
-        ),
-        (
-            calls_a_numpy_ufunc,
-            1,
-            r"`x = np.sqrt\(m\)`\): a rule cannot call numpy; use arithmetic, or segar.language.sqrt",
-        ),
+        (makes_a_float, 1, r"`x = float\(m\)`\): a factor's value is not known"),
+        (calls_math, 1, r"`x = math.sin\(m\)`.*math.\* and numpy cannot use it"),
+        (calls_a_numpy_ufunc, 1, r"`x = np.sqrt\(m\)`\): a rule cannot call numpy"),
         (calls_numpy_on_a_vector, 1, r"`x = np.clip\(v, 0, 1\)`\): a rule cannot call numpy"),
-        (
-            asks_whether_a_vector,
-            1,
-            r"`if v:`\): a vector is neither true nor false: test its norm\(\), or one component",
-        ),
+        (asks_whether_a_vector, 1, r"`if v:`\): a vector is neither true nor false"),
         (compares_with_text, 1, "a factor cannot be combined or compared with 'heavy'"),
         (misspells_a_method, 1, "AttributeError: 'VectorValue' object has no attribute 'unit'"),
         (changes_a_computed_value, 1, "must be the factor that changes, as the rule received it .*which is computed"),

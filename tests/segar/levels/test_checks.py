@@ -73,10 +73,7 @@ def test_a_seed_is_no_generator(name):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (
-            lambda a: metrics.same_distribution_floor(a, 2, 2, rng=RNG),
-            "same_distribution_floor needs a level distribution",
-        ),
+        (lambda a: metrics.same_distribution_floor(a, 2, 2, rng=RNG), "same_distribution_floor needs"),
         (lambda a: metrics.representativeness(a, a, rng=RNG), "representativeness needs a level distribution"),
         (lambda a: metrics.representativeness(a.distribution, a, rng=RNG), "representativeness takes level sets"),
         (lambda a: metrics.spread(a, 3), "spread needs a level distribution .* not a int"),
@@ -85,12 +82,12 @@ def test_a_seed_is_no_generator(name):
         (lambda a: segar.design(a, 5), "design needs a level distribution"),
         (
             lambda a: segar.design(a.distribution, 5, "target", test=a.distribution, target=1.0),
-            "design takes level sets",
+            "design takes",
         ),
         (lambda a: segar.design(a.distribution, 5, "nuisance_only", nuisance=Mass), "nuisance must be factors"),
         (
             lambda a: segar.design(a.distribution, 5, "nuisance_only", nuisance=[Mass]),
-            "Mass is the same in the 5 levels",
+            "Mass is the same",
         ),
         (lambda a: hardness.plan("levels.npz", rng=RNG), "hardness takes level sets .* a str is not supported"),
         (lambda a: hardness.plan(a, "puttputt", rng=RNG), r"such as segar.puttputt\(\), not 'puttputt'"),

@@ -81,14 +81,8 @@ HEAD = "LevelDistribution(\n numbers=[(GolfBall, 1)],\n priors=[Prior(Mass, {})]
         ("LevelDistribution([(GolfBall, 1)])", "line 1: name the parts"),
         ("LevelDistribution(**{})", "has no part 'None'"),
         ("LevelDistribution()", "needs numbers="),
-        (
-            "LevelDistribution(\nnumbers=[(GolfBall, 1)],\nnumber=3)",
-            "line 3: LevelDistribution has no part 'number' here. Did",
-        ),
-        (
-            "LevelDistribution(\n numbers=[(GolfBal, 1)])",
-            "line 2: there is no 'GolfBal' here. Did you mean 'GolfBall'?",
-        ),
+        ("LevelDistribution(\nnumbers=[(GolfBall, 1)],\nnumber=3)", "line 3: LevelDistribution has no part 'number'"),
+        ("LevelDistribution(\n numbers=[(GolfBal, 1)])", "line 2: there is no 'GolfBal' here."),
         ("LevelDistribution(numbers=[(GolfBall, -1)])", "how many GolfBall must be a whole number from 0 up"),
         ("LevelDistribution(numbers=[(GolfBall(), 1)])", "cannot stand here"),
         ("LevelDistribution(numbers={[]: 1})", "unhashable"),

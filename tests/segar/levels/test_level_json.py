@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 from pathlib import Path
 
 import jsonschema
@@ -196,162 +197,66 @@ def edit(place: str, value: object):
 
 
 BALL = "levels/2/entities/golfball"
-AT_BALL = r"^\S*x.json: levels\[2\]\.entities\.golfball"
+FLOOR = "levels/1/entities/global_friction"
+# What is edited, to which value; where the message says that something is wrong, empty for the whole file, and what it names.
 WRONG = {
-    "a factor misspelt": (
-        f"{BALL}/factors/Mas",
-        1.0,
-        rf"{AT_BALL}\.factors: a GolfBall has no factor 'Mas'. Did you mean 'Mass'",
-    ),
-    "a factor of others": (f"{BALL}/factors/Heat", 1.0, rf"{AT_BALL}\.factors: a GolfBall has no factor 'Heat'"),
-    "a factor absent": (
-        f"{BALL}/factors/Mass",
-        ...,
-        rf"{AT_BALL}\.factors: 'Mass' is absent, which every GolfBall has",
-    ),
-    "a text for a number": (
-        f"{BALL}/factors/Mass",
-        "1",
-        rf"{AT_BALL}\.factors\.Mass: must be a finite number, not '1'",
-    ),
-    "a truth for a number": (
-        f"{BALL}/factors/Mass",
-        True,
-        rf"{AT_BALL}\.factors\.Mass: must be a finite number, not True",
-    ),
-    "NaN": (f"{BALL}/factors/Mass", np.nan, rf"{AT_BALL}\.factors\.Mass: must be a finite number, not nan"),
-    "Infinity": (
-        f"{BALL}/factors/Position",
-        [0.0, np.inf],
-        rf"{AT_BALL}\.factors\.Position\[1\]: must be a finite .* inf",
-    ),
-    "NaN that was drawn": (f"{BALL}/sampled", {"Mass": np.nan}, rf"{AT_BALL}\.sampled\.Mass: must be a finite number"),
-    "NaN in the description": (
-        "description/moments/0/mean",
-        [np.nan],
-        r"x.json: description: 'moments\[0\].mean\[0\]' must be f",
-    ),
+    "a factor misspelt": (f"{BALL}/factors/Mas", 1.0, f"{BALL}/factors", "GolfBall.*'Mas'.*'Mass'"),
+    "a factor of others": (f"{BALL}/factors/Heat", 1.0, f"{BALL}/factors", "GolfBall.*'Heat'"),
+    "a factor absent": (f"{BALL}/factors/Mass", ..., f"{BALL}/factors", "'Mass' is absent.*GolfBall"),
+    "a text for a number": (f"{BALL}/factors/Mass", "1", f"{BALL}/factors/Mass", "finite number, not '1'"),
+    "a truth for a number": (f"{BALL}/factors/Mass", True, f"{BALL}/factors/Mass", "finite number, not True"),
+    "NaN": (f"{BALL}/factors/Mass", np.nan, f"{BALL}/factors/Mass", "finite number, not nan"),
+    "Infinity": (f"{BALL}/factors/Position", [0.0, np.inf], f"{BALL}/factors/Position[1]", "finite number, not inf"),
+    "NaN that was drawn": (f"{BALL}/sampled", {"Mass": np.nan}, f"{BALL}/sampled/Mass", "finite number"),
+    "NaN in the description": ("description/moments/0/mean", [np.nan], "description", "'moments.0.*mean.0.*nan"),
     "one number of two": (
         f"{BALL}/factors/Position",
         [0.0],
-        rf"{AT_BALL}\.factors\.Position: must be a list of two numbers, not a l",
+        f"{BALL}/factors/Position",
+        "two numbers, not a list of 1",
     ),
-    "two numbers for one": (
-        f"{BALL}/factors/Mass",
-        [1.0, 2.0],
-        rf"{AT_BALL}\.factors\.Mass: must be a finite number, not a list of",
-    ),
-    "a mass that cannot be": (
-        f"{BALL}/factors/Mass",
-        -1.0,
-        r"x.json: level 2: Mass of 'golfball' is -1 and must be a number th",
-    ),
-    "a drawn factor of others": (
-        f"{BALL}/sampled",
-        {"Heat": 1.0},
-        rf"{AT_BALL}\.sampled: a GolfBall has no factor 'Heat'",
-    ),
-    "another type": (f"{BALL}/type", "Golfball", rf"{AT_BALL}\.type: must be GolfBall, not 'Golfball'"),
-    "a nested type": (f"{BALL}/type", [[]], rf"{AT_BALL}\.type: must be GolfBall, not a list of 1"),
-    "another shape": (f"{BALL}/shape", "square", rf"{AT_BALL}\.shape: must be 'circle' or 'hull', not 'square'"),
-    "no shape": (f"{BALL}/shape", ..., rf"{AT_BALL}\.shape: must be 'circle' or 'hull', not None"),
-    "a list for a shape": (f"{BALL}/shape", [], rf"{AT_BALL}\.shape: must be 'circle' or 'hull', not a list of 0"),
-    "a shape of the floor": (
-        "levels/2/entities/global_friction/shape",
-        "circle",
-        r"shape: must be null, because a GlobalFriction has",
-    ),
-    "a hull without vertices": (
-        f"{BALL}/shape",
-        "hull",
-        rf"{AT_BALL}\.vertices: a hull needs a list of 3 to 32767 places.*not None",
-    ),
-    "vertices of a circle": (
-        f"{BALL}/vertices",
-        [[0, 0], [1, 0], [0, 1]],
-        rf"{AT_BALL}\.vertices: only hulls have vertices",
-    ),
-    "an entity misspelt": (
-        "levels/1/entities/golfbal",
-        {},
-        r"x.json: levels\[1\]\.entities: has no 'golfbal'. Did you mean 'golfball'",
-    ),
-    "an entity absent": (
-        BALL,
-        ...,
-        r"x.json: levels\[2\]\.entities: 'golfball' is absent, and every level must have it",
-    ),
-    "a parameter misspelt": (
-        "levels/1/parameters/Gravitiy",
-        1.0,
-        r"levels\[1\]\.parameters: has no 'Gravitiy'. Did you mean 'Gravity'",
-    ),
-    "a parameter that cannot be": (
-        "levels/1/parameters/Gravity",
-        -1.0,
-        r"x.json: level 1: the world parameter Gravity is -1 and must",
-    ),
-    "a parameter that is null": (
-        "levels/1/parameters/Gravity",
-        None,
-        r"levels\[1\]\.parameters\.Gravity: must be a finite number, not None",
-    ),
-    "a key of a level misspelt": (
-        "levels/0/paramters",
-        {},
-        r"x.json: levels\[0\]: has no 'paramters'. Did you mean 'parameters'",
-    ),
-    "a key of an entity misspelt": (f"{BALL}/sampeld", {}, rf"{AT_BALL}: has no 'sampeld'. Did you mean 'sampled'"),
-    "a key of the description misspelt": (
-        "description/taks",
-        None,
-        r"x.json: description: 'taks' is not known. Did you mean 'task'",
-    ),
-    "a key of the file misspelt": ("level", [], r"x.json: the file: has no 'level'. Did you mean 'levels'"),
-    "an index below 0": (
-        "levels/0/index",
-        -1,
-        r"x.json: levels\[0\]\.index: must be a whole number that is not negative, not -1",
-    ),
-    "an index that is no int64": ("levels/0/index", 2**63, r"x.json: levels\[0\]\.index: must be a whole number"),
-    "no levels": ("levels", [], r"x.json: levels: must be a list of at least one level, not a list of 0"),
-    "a level that is none": ("levels/1", 3, r"x.json: levels\[1\]: must be a mapping, not 3"),
-    "another floor": (
-        "levels/1/parameters/FloorFriction",
-        0.5,
-        r"levels\[1\]\.entities\.global_friction\.factors\.Friction: is 0.05, and",
-    ),
-    "a format of others": (
-        "format",
-        "segar-play",
-        r"x.json: it is not a level file in JSON, whose 'format' is 'segar-levels'",
-    ),
-    "a later version": ("version", 2, r"x.json was written by a newer SEGAR.*version 2 of the format"),
-    "a type that is not defined": (
-        "description/types/0/name",
-        "Chargr",
-        r"holds the entity type 'Chargr', which is not defined",
-    ),
-    "lines in a name": (
-        "description/slots/0/name",
-        "a\nb",
-        r"x.json: description: 'a\\nb' has characters that cannot be printed",
-    ),
-    "room for very many vertices": (
-        "description/most_vertices",
-        10**9,
-        r"description.most_vertices: must be 0 to 32767, not 1000000000",
-    ),
+    "two numbers for one": (f"{BALL}/factors/Mass", [1.0, 2.0], f"{BALL}/factors/Mass", "finite number, not a list"),
+    "a mass that cannot be": (f"{BALL}/factors/Mass", -1.0, "level 2", "Mass of 'golfball' is -1"),
+    "a drawn factor of others": (f"{BALL}/sampled", {"Heat": 1.0}, f"{BALL}/sampled", "GolfBall.*'Heat'"),
+    "another type": (f"{BALL}/type", "Golfball", f"{BALL}/type", "GolfBall, not 'Golfball'"),
+    "a nested type": (f"{BALL}/type", [[]], f"{BALL}/type", "GolfBall, not a list of 1"),
+    "another shape": (f"{BALL}/shape", "square", f"{BALL}/shape", "'circle' or 'hull', not 'square'"),
+    "no shape": (f"{BALL}/shape", ..., f"{BALL}/shape", "'circle' or 'hull', not None"),
+    "a list for a shape": (f"{BALL}/shape", [], f"{BALL}/shape", "'circle' or 'hull', not a list of 0"),
+    "a shape of the floor": (f"{FLOOR}/shape", "circle", f"{FLOOR}/shape", "null.*GlobalFriction"),
+    "a hull without vertices": (f"{BALL}/shape", "hull", f"{BALL}/vertices", "3 to 32767 places.*not None"),
+    "vertices of a circle": (f"{BALL}/vertices", [[0, 0], [1, 0], [0, 1]], f"{BALL}/vertices", "hulls"),
+    "an entity misspelt": ("levels/1/entities/golfbal", {}, "levels/1/entities", "'golfbal'.*'golfball'"),
+    "an entity absent": (BALL, ..., "levels/2/entities", "'golfball' is absent"),
+    "a parameter misspelt": ("levels/1/parameters/Gravitiy", 1.0, "levels/1/parameters", "'Gravitiy'.*'Gravity'"),
+    "a parameter that cannot be": ("levels/1/parameters/Gravity", -1.0, "level 1", "Gravity is -1"),
+    "a parameter that is null": ("levels/1/parameters/Gravity", None, "levels/1/parameters/Gravity", "not None"),
+    "a key of a level misspelt": ("levels/0/paramters", {}, "levels/0", "'paramters'.*'parameters'"),
+    "a key of an entity misspelt": (f"{BALL}/sampeld", {}, BALL, "'sampeld'.*'sampled'"),
+    "a key of the description misspelt": ("description/taks", None, "description", "'taks'.*'task'"),
+    "a key of the file misspelt": ("level", [], "the file", "'level'.*'levels'"),
+    "an index below 0": ("levels/0/index", -1, "levels/0/index", "not negative, not -1"),
+    "an index that is no int64": ("levels/0/index", 2**63, "levels/0/index", "whole number"),
+    "no levels": ("levels", [], "levels", "at least one level, not a list of 0"),
+    "a level that is none": ("levels/1", 3, "levels/1", "a mapping, not 3"),
+    "another floor": ("levels/1/parameters/FloorFriction", 0.5, f"{FLOOR}/factors/Friction", "FloorFriction is 0.5"),
+    "a format of others": ("format", "segar-play", "", "'format' is 'segar-levels'"),
+    "a later version": ("version", 2, "", "version 2 of the format"),
+    "a type that is not defined": ("description/types/0/name", "Chargr", "", "entity type 'Chargr'"),
+    "lines in a name": ("description/slots/0/name", "a\nb", "description", r"'a\\nb' has characters"),
+    "room for very many vertices": ("description/most_vertices", 10**9, "description/most_vertices", "1000000000"),
 }
 
 
 @pytest.mark.parametrize("what", WRONG)
 def test_what_does_not_belong_into_a_level_file_is_refused_with_its_place(what, tmp_path):
-    place, value, message = WRONG[what]
+    edited, value, place, named = WRONG[what]
     data = in_json(LEVELS, tmp_path)
-    edit(place, value)(data)
-    with pytest.raises(LevelError, match=message) as caught:
+    edit(edited, value)(data)
+    with pytest.raises(LevelError) as caught:
         Levels.load(written(tmp_path, data))
+    said = re.sub(r"/(\d+)", r"[\1]", place).replace("/", ".")
+    assert re.search(rf"x.json: {re.escape(said)}: .*{named}" if said else rf"x.json.*{named}", str(caught.value))
     assert "\n" not in str(caught.value)
 
 

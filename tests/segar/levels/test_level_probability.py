@@ -247,11 +247,7 @@ def test_a_dependence_on_another_entity_is_part_of_the_distribution():
 @pytest.mark.parametrize(
     ("numbers", "priors", "message"),
     [
-        (
-            [(Charger, 1)],
-            [],
-            r"there is no entity 'golfball'.*Did you mean|there is no entity 'golfball'. Known: charger",
-        ),
+        ([(Charger, 1)], [], r"there is no entity 'golfball'. Known: charger"),
         ([(Charger, 1), (GolfBall, segar.DiscreteRangeNoise(0, 1))], [], "reads 'golfball', which not every level has"),
         (
             [(Charger, 1), (GolfBall, 1)],

@@ -286,9 +286,7 @@ def test_a_full_disk_leaves_the_old_file_and_no_debris(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", no_space)
-    with pytest.raises(
-        LevelError, match=r"cannot be written to .*levels.npz: No space left on device; nothing was changed"
-    ):
+    with pytest.raises(LevelError, match=r"cannot be written to .*levels.npz: No space left on device"):
         family("empty-hard").sample(5).save(path)
     assert os.listdir(tmp_path) == ["levels.npz"] and Levels.load(path) == old
 
@@ -324,7 +322,7 @@ def test_built_in_classes_are_found_by_name_beside_a_class_of_the_user_with_that
         (lambda m: m["provenance"].pop("seed"), r"in its description 'provenance.seed' is absent"),
         (
             lambda m: m.update(slots=[{"name": "x", "types": [99], "optional": False}]),
-            r"the slot 'x' are not among its",
+            r"the slot 'x' are not",
         ),
         (lambda m: m.update(format_version=99), r"was written by a newer SEGAR .* install that version"),
         (lambda m: m.update(format="segar-plan"), r"its format is 'segar-plan'"),
@@ -357,9 +355,7 @@ def test_an_unknown_entity_says_what_to_import(tmp_path):
     text = arrays["metadata"].tobytes().decode().replace("Meteor", "Meteorite")
     arrays["metadata"] = np.frombuffer(text.encode(), dtype=np.uint8)
     np.savez(path, **arrays)
-    with pytest.raises(
-        LevelError, match=r"'Meteorite', which is not defined; import .*test_levels, .* mean 'Meteor'\?"
-    ):
+    with pytest.raises(LevelError, match=r"'Meteorite', which is not defined; import .*test_levels, .* 'Meteor'"):
         Levels.load(path)
 
 
@@ -459,22 +455,14 @@ def test_entities_that_cannot_make_levels_are_refused(make, message):
     [
         (lambda: LevelDistribution([(Ball, 1)], prior=[]), LevelError, "has no 'prior'. Did you mean 'priors'?"),
         (lambda: LevelDistribution(number=[(Ball, 1)]), LevelError, "has no 'number'. Did you mean 'numbers'?"),
-        (
-            lambda: LevelDistribution(),
-            LevelError,
-            "numbers must name at least one entity, as in numbers=[(GolfBall, 1)",
-        ),
+        (lambda: LevelDistribution(), LevelError, "numbers must name at least one entity"),
         (lambda: LevelDistribution({Ball: 1}), LevelError, "numbers must be a list, not dict"),
         (lambda: LevelDistribution([]), LevelError, "at least one entity"),
         (lambda: LevelDistribution([(Ball, 0)]), LevelError, "at least one entity"),
         (lambda: LevelDistribution([("Ball", 1)]), LevelError, "'Ball' is not an entity type"),
         (lambda: LevelDistribution([Ball]), LevelError, "each entry is a pair"),
         (lambda: LevelDistribution([(Ball, 1.5)]), LevelError, "how many Ball must be a whole number"),
-        (
-            lambda: LevelDistribution([(Ball, UniformNoise(1, 2))]),
-            LevelError,
-            "must be a distribution of whole numbers",
-        ),
+        (lambda: LevelDistribution([(Ball, UniformNoise(1, 2))]), LevelError, "a distribution of whole numbers"),
         (lambda: LevelDistribution([(Ball, 1)], [(Mass, 1.0)]), LevelError, "is not a Prior"),
         (lambda: LevelDistribution([(Ball, 1)], parameters={Mass: 1.0}), LevelError, "not a world parameter"),
         (lambda: LevelDistribution([(Ball, 1)], positions=[(Ball, [[0, 0], [1, 1]])]), LevelError, "2 places for Ball"),

@@ -242,10 +242,7 @@ def test_priors_for_types_that_are_not_there_are_left_aside():
 @pytest.mark.parametrize(
     ("priors", "message"),
     [
-        (
-            [Prior(Mass, 1.0), Prior(Mass, 2.0)],
-            r"same condition.*Prior\(Mass, 1.0\) and Prior\(Mass, 2.0\)",
-        ),
+        ([Prior(Mass, 1.0), Prior(Mass, 2.0)], r"same condition.*Prior\(Mass, 1.0\) and Prior\(Mass, 2.0\)"),
         (
             [Prior(Size, 0.2, entity_type=Object), Prior(Size, 0.2, entity_type=Object)],
             r"same condition.*entity_type=Object\) and .*entity_type=Object\)",
@@ -256,10 +253,7 @@ def test_priors_for_types_that_are_not_there_are_left_aside():
         ),
         ([Prior(Temperature, 3.0)], "no entity in numbers has Temperature"),
         ([Prior(Mass, 1.0, entity_type=GoalTile)], "no GoalTile in numbers has Mass. .*Friction"),
-        (
-            [Prior(Friction, 1.0, entity_type=Ball)],
-            "no Ball in numbers has Friction. Known: .*Mass.*Velocity.* Leave the prior out",
-        ),
+        ([Prior(Friction, 1.0, entity_type=Ball)], "no Ball in numbers has Friction. Known: .*Mass.*Velocity"),
         ([Prior(Gravity, 9.0), Prior(Gravity, 8.0)], "Gravity"),
     ],
 )
@@ -334,9 +328,7 @@ def test_a_prior_that_cannot_be_meant_is_refused(make, message):
 
 def test_a_distribution_that_leaves_the_bounds_is_reported_with_the_level():
     wide = LevelDistribution([(Ball, 1)], [Prior(Size, GaussianNoise(0.1, 0.1))], name="wide")
-    with pytest.raises(
-        PriorError, match=r"'wide', level \d+ \(seed 3, split 'test'\): Prior\(Size, .*clip the distribution"
-    ):
+    with pytest.raises(PriorError, match=r"'wide', level \d+ \(seed 3, split 'test'\): Prior\(Size, .*clip"):
         wide.sample(100, seed=3, split="test")
 
 

@@ -213,9 +213,7 @@ def test_what_is_shown_is_said():
 
 def test_options_that_do_not_exist_are_refused_with_those_that_do():
     textures = random_textures()
-    with pytest.raises(
-        SegarError, match=r"noise must be 'episode' or 'level' or 'never', not 'epsiode'. Did you mean 'ep"
-    ):
+    with pytest.raises(SegarError, match=r"noise must be 'episode' or 'level' or 'never', not 'epsiode'"):
         TexturedPixels(textures, noise="epsiode")
     with pytest.raises(SegarError, match="model must be 'episode' or 'level', not 'never'"):
         TexturedPixels(textures, model="never")

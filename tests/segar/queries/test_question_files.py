@@ -57,9 +57,7 @@ def test_levels_with_rules_of_their_own_need_these_and_refuse_others(files):
     made, path, key = files
     if made.distribution.world is None:
         questions = read_questions(path, world=segar.World(rules=[segar.move]))
-        with pytest.raises(
-            SegarError, match=r"question 'predict-.*': its actions lead to another history than it tells"
-        ):
+        with pytest.raises(SegarError, match=r"question 'predict-.*': its actions lead to another history"):
             grade(questions, read_answers(key, questions))
         return
     with pytest.raises(SegarError, match=r"questions.jsonl: line 1: 'level' has rules of its own.*--world"):
@@ -70,9 +68,7 @@ def test_a_task_of_ones_own_is_given(tmp_path, default_rules):
     write_questions(tmp_path / "q.jsonl", default_rules.of("plan")[:1], default_rules.answers)
     [line] = lines_of(tmp_path / "q.jsonl")
     write_lines(tmp_path / "q.jsonl", [line | {"task": "my_lab.tasks:golf"}])
-    with pytest.raises(
-        SegarError, match=r"q.jsonl: line 1: 'task' is 'my_lab.tasks:golf', which is not built in.*--task"
-    ):
+    with pytest.raises(SegarError, match=r"q.jsonl: line 1: 'task' is 'my_lab.tasks:golf', which is not built in"):
         read_questions(tmp_path / "q.jsonl")
     questions = read_questions(tmp_path / "q.jsonl", task=segar.puttputt())
     assert grade(questions, default_rules.answers).correct().value == 1.0

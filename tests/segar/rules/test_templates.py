@@ -264,10 +264,7 @@ def test_a_touch_sets_what_is_immobile_free():
         (lambda: one_way_wall("wall", forward=0), "forward must be 1 or -1, or a Choice of both, not 0"),
         (lambda: one_way_wall("wall", forward=UniformNoise(-1, 1)), "forward must be 1 or -1"),
         (lambda: switch("switch", SandTile, Position, 1.0), "takes factors that are numbers"),
-        (
-            lambda: switch("switch", SandTile, Mass, -1.0),
-            "sets Mass to numbers from -1 to -1; it must be .* not negative",
-        ),
+        (lambda: switch("switch", SandTile, Mass, -1.0), "sets Mass to numbers from -1 to -1; it must be"),
         (lambda: switch("switch", SandTile, Mobile, Choice([0.0, 0.5])), "sets Mobile to numbers from 0 to 0.5"),
         (lambda: growth("growth", Mobile), "takes factors that are real numbers"),
         (lambda: sharing("sharing", Mobile), "takes factors that are real numbers"),

@@ -72,9 +72,7 @@ def test_wrong_arguments_are_told():
     with pytest.raises(SuiteError, match=r"num_levels: place-few-v1 has 200 test levels, not 201"):
         gymnasium.make("Segar/place-few-v1-test-state", num_levels=201)
     for number in (2.5, True, "3"):
-        with pytest.raises(
-            SuiteError, match=r"has 200 test levels, not|number of training levels must be a whole number"
-        ):
+        with pytest.raises(SuiteError, match=r"has 200 test levels, not|number of training levels must be"):
             gymnasium.make(f"Segar/place-few-v1-{'test' if number == 2.5 else 'train'}-state", num_levels=number)
     with pytest.raises(SegarError, match=r"an environment has no option 'obs'"):
         gymnasium.make("Segar/place-few-v1-test-state", obs="rgb")
@@ -82,7 +80,5 @@ def test_wrong_arguments_are_told():
 
 @pytest.mark.parametrize("option", [{"task": segar.puttputt()}, {"max_steps": 10}, {"sub_steps": 2}])
 def test_an_id_is_its_suite_whatever_options_are_given(option):
-    with pytest.raises(
-        SuiteError, match=rf"the suite place-few-v1 says what is played.* leave {next(iter(option))} out"
-    ):
+    with pytest.raises(SuiteError, match=rf"the suite place-few-v1 says .* leave {next(iter(option))} out"):
         gymnasium.make("Segar/place-few-v1-train-state", **option)

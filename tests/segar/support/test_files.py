@@ -89,9 +89,7 @@ def test_what_is_no_file_is_refused_and_stays(tmp_path, monkeypatch, make, kind,
     if through_link:
         Path("link").symlink_to("it")
     path = Path("link" if through_link else "it")
-    with pytest.raises(
-        SegarError, match=f"the text cannot be written to {path}: it is {kind} and no file; name a file"
-    ):
+    with pytest.raises(SegarError, match=f"the text cannot be written to {path}: it is {kind} and no file"):
         write(path, "new")
     assert (os.stat("it").st_mode, os.stat("it").st_ino, os.stat("it").st_rdev) == (
         before.st_mode, before.st_ino, before.st_rdev,

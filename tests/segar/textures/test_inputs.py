@@ -76,9 +76,7 @@ def test_what_is_not_shown_cannot_be_hidden():
 
 def test_an_input_that_nobody_knows_is_refused_with_the_nearest():
     layout = segar.family("empty-easy").sample(1, seed=0, split="train").layout
-    with pytest.raises(
-        segar.SegarError, match=r"'Chargee' is neither a factor nor an entity type. Did you mean 'Charge'"
-    ):
+    with pytest.raises(segar.SegarError, match=r"'Chargee' is neither a factor nor an entity type.*'Charge'"):
         type_inputs(a_set("Chargee"), layout)
 
 

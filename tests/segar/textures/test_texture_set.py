@@ -166,9 +166,7 @@ def test_what_cannot_be_a_set_is_refused(changes, message):
 
 def test_features_and_models_that_do_not_fit_are_refused():
     textures = a_set()
-    with pytest.raises(
-        segar.SegarError, match=r"take 5 features \(background, Heat, .*\), not an array of shape \(4,\)"
-    ):
+    with pytest.raises(segar.SegarError, match=r"take 5 features \(background, Heat, .*\), not an array"):
         textures.patches(np.zeros(4))
     with pytest.raises(segar.SegarError, match="have models 0 to 1"):
         textures.patches(np.zeros(5), 2)

@@ -58,10 +58,7 @@ def test_a_machine_without_a_driver_is_told_so():
     ("stub", "said"),
     [
         (StubDriver(devices=0), "CUDA_ERROR_NO_DEVICE; this machine has no NVIDIA GPU"),
-        (
-            StubDriver(version=10020),
-            "driver is of CUDA 10.2, which is too old for PTX 7.0; install one of CUDA 11.0 or newer",
-        ),
+        (StubDriver(version=10020), "driver is of CUDA 10.2, which is too old for PTX 7.0"),
         (StubDriver(fails={"cuInit": 35}), "the driver is too old"),
         (StubDriver(fails={"cuInit": 34}), "the library is the CUDA toolkit's stub"),
         (StubDriver(fails={"cuInit": 12345}), "cuInit: error 12345$"),
@@ -79,9 +76,7 @@ def test_a_gpu_that_is_not_there_is_refused(ordinal):
 
 
 def test_an_error_of_the_drivers_compiler_holds_its_log():
-    with pytest.raises(
-        SegarError, match=r"GPU 0 cannot load the kernels: .*INVALID_PTX; ptxas application ptx input, line 1"
-    ):
+    with pytest.raises(SegarError, match=r"GPU 0 cannot load the kernels: .*INVALID_PTX; ptxas application"):
         Driver(StubDriver()).device().kernels("nonsense")
 
 
