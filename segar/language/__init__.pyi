@@ -1,4 +1,4 @@
-from . import entities, factors, parameters, random, shapes
+from . import entities, factors, parameters, random, relations, shapes, values
 from .task_default import default_task as default_task, set_default_task as set_default_task
 from .effects import Aggregate, Differential, Effect as Effect, SetFactor
 from .entities import (
@@ -80,9 +80,17 @@ from .parameters import (
     Parameter,
     WallDamping as WallDamping,
 )
-from .relations import Relation, as_relation as as_relation, contains, is_equal, is_on, overlaps, relation
+from .relations import (
+    Relation as Relation,
+    as_relation as as_relation,
+    contains as contains,
+    is_equal as is_equal,
+    is_on,
+    overlaps as overlaps,
+    relation,
+)
 from .rule_definition import (
-    Rule,
+    Rule as Rule,
     as_rule as as_rule,
     rule,
     specificity_of as specificity_of,
@@ -140,18 +148,18 @@ from .values import (
     Number as Number,
     Source as Source,
     VectorValue as VectorValue,
-    arctan2,
-    cos,
-    exp,
-    hypot,
-    log,
-    maximum,
-    minimum,
-    sin,
-    sqrt,
-    tan,
-    tanh,
-    where,
+    arctan2 as arctan2,
+    cos as cos,
+    exp as exp,
+    hypot as hypot,
+    log as log,
+    maximum as maximum,
+    minimum as minimum,
+    sin as sin,
+    sqrt as sqrt,
+    tan as tan,
+    tanh as tanh,
+    where as where,
 )
 from .world import ARENA as ARENA, WorldRules as WorldRules
 
@@ -159,8 +167,7 @@ __all__ = [
     "Acceleration", "Action", "Aggregate", "Ball", "Best", "Bumper", "Charge", "Charger", "Circle", "Count", "Damper",
     "Differential", "Entity", "Every", "Factor", "FireTile", "Flag", "Friction", "GoalTile", "GolfBall", "Gravity",
     "Hole", "MagmaTile", "Magnet", "Magnetism", "Mass", "MinVelocity", "Mobile", "Object", "Parameter", "Position",
-    "RandomConvexHull", "Relation", "Rule", "SandTile", "Scalar", "SetFactor", "Shape", "Size", "Task",
-    "ThingFactory", "Tile", "Vector", "Velocity", "Wall", "arctan2", "contains", "cos", "entities", "exp", "factors",
-    "hypot", "is_equal", "is_on", "log", "maximum", "minimum", "overlaps", "parameters", "random", "relation", "rule",
-    "shapes", "sin", "sqrt", "tan", "tanh", "where",
+    "RandomConvexHull", "SandTile", "Scalar", "SetFactor", "Shape", "Size", "Task", "ThingFactory", "Tile", "Vector",
+    "Velocity", "Wall", "entities", "factors", "is_on", "parameters", "random", "relation", "relations", "rule",
+    "shapes", "values",
 ]  # fmt: skip

@@ -214,6 +214,11 @@ class GoalTile(Tile):
 class ThingFactory:
     """A random entity type: uniform over a sequence, or by the probabilities of a dictionary.
 
+    >>> obstacles = segar.ThingFactory([segar.Charger, segar.Damper])
+    >>> hazards = segar.ThingFactory({segar.FireTile: 0.75, segar.Hole: 0.25})
+    >>> hazards.probabilities
+    (0.75, 0.25)
+
     Raises:
         FactorError: a member is not a Thing type, a type comes twice, or the probabilities do not sum to one.
     """

@@ -26,7 +26,11 @@ class MaxVelocity(Parameter, default=10.0, unit="m/s", bounds=(0.0, 1e6)): ...
 
 
 class MinVelocity(Parameter, default=1e-4, unit="m/s"):
-    """Below this speed nothing moves."""
+    """Below this speed nothing moves.
+
+    >>> segar.MinVelocity.default, segar.MinVelocity.unit
+    (0.0001, 'm/s')
+    """
 
 
 class Framerate(Parameter, default=100.0, unit="1/s", bounds=(1e-3, 1e9)):

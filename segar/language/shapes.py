@@ -111,7 +111,12 @@ class Hexagon(_Regular):
 
 
 class RandomConvexHull(BaseShape):
-    """The hull of 100 Gaussian points with standard deviation ``size / 2`` per axis, drawn anew for every thing."""
+    """The hull of 100 Gaussian points with standard deviation ``size / 2`` per axis, drawn anew for every thing.
+
+    >>> corners = segar.RandomConvexHull(0.4).sample(np.random.default_rng(0), 1)[0]
+    >>> corners.shape[1]
+    2
+    """
 
     kind = HULL
     is_random = True

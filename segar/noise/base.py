@@ -39,6 +39,9 @@ class Noise(ABC):
     """A distribution. A sub-class must say how to ``sample``; measures need ``cdf`` and ``pieces`` as well.
 
     Arguments ``x`` and ``q`` are numbers or arrays of any shape (for a distribution on the plane: ``(..., 2)``).
+
+    >>> isinstance(segar.UniformNoise(0.0, 1.0), segar.noise.Noise)
+    True
     """
 
     width: ClassVar[int] = 1

@@ -114,7 +114,11 @@ class Bernoulli(DiscreteNoise):
 
 @dataclass(frozen=True, repr=False)
 class Deterministic(DiscreteNoise):
-    """A constant: a number, or a point of the plane."""
+    """A constant: a number, or a point of the plane.
+
+    >>> float(segar.noise.Deterministic(0.5).mean)
+    0.5
+    """
 
     value: Any
 

@@ -95,7 +95,12 @@ class PlaneNoise(Noise):
 
 @dataclass(frozen=True, repr=False)
 class Independent(PlaneNoise):
-    """A point whose ``x`` and ``y`` are drawn independently, each from its own distribution, or are constants."""
+    """A point whose ``x`` and ``y`` are drawn independently, each from its own distribution, or are constants.
+
+    >>> on_a_line = segar.noise.Independent(segar.UniformNoise(-0.5, 0.5), 0.25)
+    >>> float(on_a_line.sample(np.random.default_rng(0))[1])
+    0.25
+    """
 
     x: Any
     y: Any
@@ -270,7 +275,12 @@ class CenterLocation(PlaneNoise):
 @dataclass(frozen=True, repr=False)
 class RandomEdgeLocation(MixtureNoise):
     """Uniform in the box [-0.95, 0.95] x [-0.95, 0.95] [m] outside [-0.475, 0.475] x [-0.475, 0.475]: the 12 outer cells of a
-    4 x 4 grid."""
+    4 x 4 grid.
+
+    >>> places = segar.RandomEdgeLocation().sample(np.random.default_rng(0), 100)
+    >>> bool((np.abs(places).max(axis=1) >= 0.475).all())
+    True
+    """
 
     weights: ClassVar[tuple[float, ...]] = (1.0 / 12,) * 12
 

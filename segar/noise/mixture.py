@@ -94,7 +94,11 @@ class Mixture(MixtureNoise):
 
 @dataclass(frozen=True, repr=False)
 class GaussianMixtureNoise(MixtureNoise):
-    """A mixture of Gaussians with ``means`` and standard deviations ``stds``, by ``pvals`` (equal ones if None)."""
+    """A mixture of Gaussians with ``means`` and standard deviations ``stds``, by ``pvals`` (equal ones if None).
+
+    >>> segar.GaussianMixtureNoise(means=[-1.0, 1.0], stds=[0.1, 0.1]).mean
+    0.0
+    """
 
     means: Sequence[float]
     stds: Sequence[float]

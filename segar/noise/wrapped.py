@@ -24,6 +24,10 @@ class Wrapped(Noise):
     """The place on a circle that a number has: x modulo ``period``, in ``[-period / 2, period / 2)``.
 
     ``law`` is any distribution on the line; an angle [rad] has the period 2 pi. Mean and variance are those of the number.
+
+    >>> angle = segar.noise.Wrapped(segar.GaussianNoise(0.0, 10.0))
+    >>> bool(abs(angle.sample(np.random.default_rng(0))) <= np.pi)
+    True
     """
 
     law: Noise

@@ -1,7 +1,6 @@
 """Optimal transport on cost matrices, by Python Optimal Transport: loaded on first use, and without its other back ends."""
 
 import os
-import sys
 from types import ModuleType
 from typing import Any
 
@@ -15,21 +14,11 @@ BACKENDS = ("PYTORCH", "JAX", "CUPY", "TENSORFLOW")
 
 
 def pot() -> ModuleType:
-    """The module ``ot``, imported on first use without what only its other functions need.
-
-    POT imports every array library and scikit-learn where they are installed, which costs seconds. It works without them,
-    and only its NumPy functions are used here.
-    """
+    """The module ``ot``, imported on first use, without the array libraries that only its other back ends need."""
     for backend in BACKENDS:
         os.environ.setdefault(f"POT_BACKEND_DISABLE_{backend}", "1")
-    is_hidden = "sklearn" not in sys.modules
-    if is_hidden:
-        sys.modules["sklearn"] = None  # type: ignore[assignment]  # makes `import sklearn` fail
-    try:
-        import ot
-    finally:
-        if is_hidden:
-            del sys.modules["sklearn"]
+    import ot
+
     return ot
 
 

@@ -44,6 +44,9 @@ def billiards(
 ) -> Task:
     """Ten balls, four pockets, and a cue ball that the agent pushes.
 
+    >>> segar.tasks.billiards("potted").name
+    'billiards-potted'
+
     The episode is over when the cue ball falls or dies, and when all others are down, which is success. A ball is down
     when a hole has swallowed it: it is Done.
 

@@ -12,6 +12,9 @@ __all__ = ["demo_actions", "invisiball"]
 def invisiball(reward: str = "squared", **options: Any) -> Task:
     """PuttPutt, but each action makes the ball invisible: from the first step on, it can only be seen by its effects on others.
 
+    >>> segar.tasks.invisiball().name
+    'invisiball-squared'
+
     Physics and reward go on as in PuttPutt; so do the results and the scripted player, which sees the true factors.
     Pixels do not draw what is invisible. A state vector holds the true state, the ball included;
     ``StateVector(sees_invisible=False)`` shows zeros instead.

@@ -62,6 +62,12 @@ def trained_on(observation: ObservationLike, levels: Levels) -> Observation:
 class Multi(Composed):
     """A tuple of observations, or a dict of them by name; its space is Gymnasium's ``Tuple`` or ``Dict``.
 
+    >>> from segar.observations import AllTiles, Multi
+    >>> seen = Multi({"frame": "rgb", "tiles": AllTiles()})
+    >>> env = segar.envs.VectorEnv(segar.family("empty-hard").sample(2, seed=0), 1, observation=seen)
+    >>> sorted(env.single_observation_space)
+    ['frame', 'tiles']
+
     Args:
         parts: a sequence or a mapping of observations, of their names, or of sequences and mappings of these.
 
