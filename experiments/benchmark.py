@@ -71,7 +71,6 @@ from experiments.evaluation.transfers import RunTask
 from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, failures, reproduce
 from experiments.reproduction.display import Display
 from experiments.reproduction.grid import grid_runs
-from experiments.reproduction.imported_results import names_of
 from experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
 from experiments.reproduction.plugin import REPORTS, run_plugin
 from experiments.reproduction.process_pool import Job, JobResult, run_jobs
@@ -230,7 +229,7 @@ def train_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) -
             show(add(config, method, [trained_piece(one) for one in runs]))
         return True
 
-    reproduce(plan, train_and_play, finish, frozenset(label for run in there for label in names_of(run)))
+    reproduce(plan, train_and_play, finish, frozenset(run.label() for run in there))
 
 
 def plan_of(config: BenchmarkConfig, method: Method, left: Collection[Key]) -> ReproduceConfig:

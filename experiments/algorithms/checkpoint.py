@@ -21,7 +21,7 @@ from experiments.algorithms.learner import Learner
 from experiments.runs.executed_code import differing_parts
 from experiments.runs.files import replacing, write_bytes
 from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
-from experiments.settings import CheckpointError, RunConfig, TrainingError, label_in_0_1
+from experiments.settings import CheckpointError, RunConfig, TrainingError
 from segar.support import DAMAGE, first_line, misfit
 
 FORMAT = 1
@@ -153,7 +153,7 @@ def load_newest_policy(
     path, content = found
     _load_weights(path, policy, content)
     made_with = content["config"]
-    if config is not None and made_with not in (config.hash(), label_in_0_1(config).rpartition("-")[2]):
+    if config is not None and made_with != config.hash():
         say(
             f"note: {folder / CONFIG} was edited: its settings have the hash {config.hash()}, and the weights were made with"
             f" {made_with}. The agent plays by the edited settings"

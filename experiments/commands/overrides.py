@@ -14,9 +14,7 @@ from omegaconf import OmegaConf
 from experiments.commands.config_store import OWN_CLASSES, WITH_OPTIONS, register_own
 from experiments.settings import (
     OBJECT_NAME,
-    RENAMED,
     TARGET,
-    TYPE_IS_GONE,
     ConfigError,
     hand_on_password,
     is_level_file,
@@ -170,10 +168,6 @@ def explain_overrides(error: CompactHydraException, overrides: Sequence[str], co
 
 def advice_on(name: str, settings: Mapping[str, Any], known: Sequence[str]) -> str:
     """What to write instead of a name that no setting has, or how to add a setting that files may leave out."""
-    if name == "algorithm.type":
-        return f"{name}: {TYPE_IS_GONE}"
-    if name in RENAMED:
-        return f"the setting '{name}' is called '{RENAMED[name]}' since release 0.2"
     first, second, *_ = (*name.split("."), "", "")
     is_own = first in OWN_CLASSES and TARGET in settings.get(first, {})
     if is_own or (first == "grids" and second in settings["grids"]):

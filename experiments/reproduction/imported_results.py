@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 
 from experiments.evaluation.transfers import RunTask
 from experiments.runs.run_folder import PROBES
-from experiments.settings import ConfigError, RunConfig, label_in_0_1
+from experiments.settings import ConfigError, RunConfig
 
 RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 
@@ -33,19 +33,14 @@ class ImportedResults:
     probed: frozenset[str] = frozenset()
 
     def name_of(self, run: RunConfig) -> str:
-        """The name by which the tables hold this run; empty where they do not. Tables of release 0.1 have its names."""
-        return next((name for name in names_of(run) if name in self.runs), "") if self.runs else ""
+        """The name by which the tables hold this run; empty where they do not."""
+        return run.label() if self.runs and run.label() in self.runs else ""
 
     def has_all(self, work: RunTask) -> bool:
         """Whether the tables hold all results of this task. Where they lack some, these need the weights."""
         name = self.name_of(work.run)
         tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)
         return bool(name) and tested and (work.probes is None or name in self.probed)
-
-
-def names_of(run: RunConfig) -> list[str]:
-    """The names that a run may have in tables: today's and that of 0.1."""
-    return list(dict.fromkeys([run.label(), label_in_0_1(run)]))
 
 
 def read_imported_results(folders: Sequence[Path]) -> ImportedResults:

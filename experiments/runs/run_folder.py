@@ -42,10 +42,8 @@ from experiments.settings import (
     RunConfig,
     RunFolderError,
     as_data,
-    label_in_0_1,
     read_yaml,
     run_config,
-    with_new_names,
     without_password,
 )
 
@@ -102,14 +100,10 @@ def runs_root(config: RunConfig) -> Path:
 
 
 def folder_path(config: RunConfig) -> Path:
-    """Absolute path of the run's folder: the one with its name today, unless only one with its name in 0.1 exists."""
+    """Absolute path of the run's folder."""
     if config.folder:
         return Path(config.folder).expanduser().resolve()
-    today = runs_root(config) / config.label()
-    if today.exists():
-        return today
-    before = runs_root(config) / label_in_0_1(config)
-    return before if before.exists() else today
+    return runs_root(config) / config.label()
 
 
 def is_finished(folder: Path) -> bool:
@@ -280,7 +274,7 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
         require_trust(path, text, data, trusted)
         if not own_packages(data):
             data = {**data, "module_path": ()}  # nobody else's folders are looked into without need
-        return run_config(with_new_names(data))
+        return run_config(data)
     except RunFolderError:
         raise
     except OSError as error:

@@ -87,7 +87,6 @@ from experiments.settings.own_code import (
     without_files,
     without_folder,
 )
-from experiments.settings.release_0_1 import RENAMED, TYPE_IS_GONE, label_in_0_1, with_new_names
 from experiments.settings.run import (
     ACTION_MODES,
     CHECKOUT,
@@ -114,8 +113,8 @@ from experiments.settings.yaml_text import read_yaml
 
 __all__ = [
     "ACTION_MODES", "CHECKOUT", "CURRICULA", "DEFAULT_TASK", "DESIGNS", "DIFFICULTIES", "ENDLESS", "KINDS",
-    "MATCHED_DESIGNS", "NO_CURRICULUM", "OBJECT_NAME", "OWN_TASK", "RENAMED", "RULE_SETS_DESIGN", "SCORES", "TARGET",
-    "TARGET_DESIGN", "TRACKERS", "TYPE_IS_GONE", "ACCELConfig", "ActionMode", "AlgorithmConfig", "AuxiliaryConfig",
+    "MATCHED_DESIGNS", "NO_CURRICULUM", "OBJECT_NAME", "OWN_TASK", "RULE_SETS_DESIGN", "SCORES", "TARGET",
+    "TARGET_DESIGN", "TRACKERS", "ACCELConfig", "ActionMode", "AlgorithmConfig", "AuxiliaryConfig",
     "CURLConfig", "CheckpointError", "ConfigError", "Count", "CountFrom0", "CurriculumConfig", "Design", "Difficulty",
     "DrACConfig", "DrQConfig", "EvaluateConfig", "EvaluationConfig", "Family", "GridPoint", "LevelCount", "LevelsConfig",
     "NotNegative", "ObservationConfig", "OffPolicyConfig", "PLRConfig", "PPGConfig", "PPOConfig", "Positive",
@@ -123,8 +122,8 @@ __all__ = [
     "SACConfig", "SFLConfig", "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig",
     "TrackingError", "TrainingError", "UniformConfig", "Widths", "add_module_path", "added_later",
     "as_data", "class_named", "config_at", "construct", "design", "design_hash", "flat", "grid_point",
-    "hand_on_password", "import_object", "is_distribution", "is_level_file", "kind_of", "label_in_0_1", "level_file",
+    "hand_on_password", "import_object", "is_distribution", "is_level_file", "kind_of", "level_file",
     "named_distributions", "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of", "read_yaml", "require",
-    "require_design", "require_known", "require_seed", "run_config", "scheme", "sqlite_address", "that", "with_new_names",
+    "require_design", "require_known", "require_seed", "run_config", "scheme", "sqlite_address", "that",
     "with_password", "without_files", "without_folder", "without_password",
 ]  # fmt: skip

@@ -11,7 +11,6 @@ from experiments.settings.checks import check_value, hints_of, path_of
 from experiments.settings.curricula import CurriculumConfig, curriculum_class
 from experiments.settings.errors import ConfigError
 from experiments.settings.own_code import add_module_path, without_files
-from experiments.settings.release_0_1 import refuse_old_names
 from experiments.settings.run import RunConfig
 from segar.errors import did_you_mean
 
@@ -31,9 +30,8 @@ def run_config(data: Mapping[str, Any]) -> RunConfig:
     ``data["algorithm"]["kind"]`` names a built-in algorithm, ``data["algorithm"]["_target_"]`` the dataclass of another.
 
     Raises:
-        ConfigError: a name, type or value is wrong, or a name is one of release 0.1.
+        ConfigError: a name, type or value is wrong.
     """
-    refuse_old_names(data)
     add_module_path(one for one in data.get("module_path", ()) if isinstance(one, str))
     data = {key: without_files(value, key) if key in NAMING else value for key, value in data.items()}
     settings = data.get("algorithm", {})

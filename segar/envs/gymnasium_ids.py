@@ -1,8 +1,7 @@
 """Gymnasium ids: ``Segar-<family>-<rgb|state>-v0``, whose reward is minus the squared distance to the goal, and
 ``Segar-<family>-<rgb|state>-linear-v0``, whose reward is minus the distance.
 
-The default levels of the tasks have ``Segar-<puttputt|billiards|invisiball>-<rgb|state>-v0``. In release 0.1 the version
-stood for the reward: its ids that end in ``-v1`` make the same environments as today's that end in ``-linear-v0``.
+The default levels of the tasks have ``Segar-<puttputt|billiards|invisiball>-<rgb|state>-v0``.
 
 Registering loads neither levels nor the engine: ``import segar`` does it.
 """
@@ -10,13 +9,11 @@ Registering loads neither levels nor the engine: ``import segar`` does it.
 from typing import Any
 
 import gymnasium
-from gymnasium.envs.registration import EnvSpec
 
 from segar.levels import TASK_LEVELS, families
 
 OBSERVATION_NAMES = ("rgb", "state")
 REWARDS = {"": "squared", "-linear": "linear"}  # of PuttPutt, by what the ids of families say of it
-FORMER = {"linear": "v1"}  # rewards that were a version in release 0.1
 TASKS = tuple(name for name in TASK_LEVELS if "-" not in name)  # a task's default levels have its name
 ENTRY_POINT, VECTOR_ENTRY_POINT = (f"segar.envs.registration:{name}" for name in ("make_env", "make_vector_env"))
 
@@ -26,29 +23,14 @@ def register_all() -> None:
     for observation in OBSERVATION_NAMES:
         for name in families():
             for suffix, reward in REWARDS.items():
-                id_ = _register(name, observation, suffix, {"reward": reward})
-                if reward in FORMER:
-                    _register_former(f"Segar-{name}-{observation}-{FORMER[reward]}", id_)
+                _register(name, observation, suffix, {"reward": reward})
         for name in TASKS:
             _register(name, observation, "", {})
 
 
-def _register(name: str, observation: str, suffix: str, options: dict[str, Any]) -> str:
-    """Register an id unless it is known, and return it."""
+def _register(name: str, observation: str, suffix: str, options: dict[str, Any]) -> None:
+    """Register an id unless it is known."""
     id_ = f"Segar-{name}-{observation}{suffix}-v0"
     if id_ not in gymnasium.registry:
         kwargs = {"family_name": name, "observation": observation, **options}
         gymnasium.register(id_, entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=kwargs)
-    return id_
-
-
-def _register_former(former: str, id_: str) -> None:
-    """Let Gymnasium find an id under the one that it had before.
-
-    The entry has the name of today inside. Were it registered as a version 1, Gymnasium would call version 0 out of date.
-    """
-    if former not in gymnasium.registry:
-        kwargs = {**gymnasium.registry[id_].kwargs, "renamed": f"{former} is now {id_}"}
-        gymnasium.registry[former] = EnvSpec(
-            id_, entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=kwargs
-        )

@@ -1,6 +1,5 @@
 """The environments that Gymnasium's ids make; :mod:`segar.envs.gymnasium_ids` registers the ids."""
 
-import warnings
 from typing import Any
 
 import gymnasium
@@ -35,8 +34,6 @@ def make_vector_env(
 
 
 def _arguments(family_name: str, reward: str | None, options: dict[str, Any]) -> dict[str, Any]:
-    if "renamed" in options:
-        warnings.warn(f"the Gymnasium id {options.pop('renamed')}", DeprecationWarning, stacklevel=3)
     require_known(options, OF_LEVELS | known_options(VectorEnv) | known_options(Env))
     seed = options.pop("seed", 0)
     levels = family(family_name).sample(options.pop("num_levels", 100), seed=seed, split=options.pop("split", "train"))

@@ -19,7 +19,6 @@ DTYPES = {"values": "float64", "returns": "float64", "key": "uint64"}  # of arra
 STATE_ARRAYS = tuple(array.name for array in fields(State))
 EPISODE_ARRAYS = ("returns", "lengths", "episodes")
 MEMORY = "memory/"  # stands before the names of what observations remember
-NAMES_IN_FILES = {"unresolved_contacts": "gave_up"}  # arrays whose name in files is the one that SEGAR 0.1 gave them
 
 
 @dataclass
@@ -75,14 +74,14 @@ class Snapshot:
         Raises:
             SegarError: the file cannot be written; what stood at ``path`` still stands there.
         """
-        arrays = {_name_in_file(name): getattr(self.state, name) for name in STATE_ARRAYS}
+        arrays = {name: getattr(self.state, name) for name in STATE_ARRAYS}
         arrays |= {name: getattr(self, name) for name in EPISODE_ARRAYS}
         arrays |= {f"{MEMORY}{name}": array for name, array in self.memory.items()}
         FORMAT.write(Path(path), arrays, {"seed": self.seed, "memory": list(self.memory)})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:
-        """The snapshot in a file that ``save`` wrote, here or in SEGAR 0.1.
+        """The snapshot in a file that ``save`` wrote.
 
         Raises:
             SegarError: the file is no snapshot, is incomplete, has arrays that do not fit each other, or was written by a
@@ -92,7 +91,7 @@ class Snapshot:
 
         def forms(metadata: dict[str, Any]) -> dict[str, Form]:
             FORMAT.check(path, metadata, DESCRIPTION)
-            return {_name_in_file(name): _form(name) for name in (*STATE_ARRAYS, *EPISODE_ARRAYS)} | {
+            return {name: _form(name) for name in (*STATE_ARRAYS, *EPISODE_ARRAYS)} | {
                 f"{MEMORY}{name}": Form(None, ("environments", ...)) for name in metadata.get("memory", ())
             }
 
@@ -104,7 +103,7 @@ class Snapshot:
             wrong = f"{what} below 0" if what else "it holds no environments"
             raise SegarError(f"{path}: {wrong}; the file was changed, save the snapshot again")
         return cls(
-            State(**{name: arrays[_name_in_file(name)] for name in STATE_ARRAYS}),
+            State(**{name: arrays[name] for name in STATE_ARRAYS}),
             **{name: arrays[name] for name in EPISODE_ARRAYS},
             seed=metadata["seed"],
             memory={name: arrays[f"{MEMORY}{name}"] for name in metadata.get("memory", ())},
@@ -150,11 +149,6 @@ class Snapshot:
         for name, counts in vars(self.state).items():
             if counts.dtype == np.int64 and (counts < 0).any():
                 raise SegarError(f"in this snapshot, environment {int((counts < 0).argmax())} has a '{name}' below 0")
-
-
-def _name_in_file(name: str) -> str:
-    """The name of an array in files."""
-    return NAMES_IN_FILES.get(name, name)
 
 
 def _form(name: str) -> Form:

@@ -139,7 +139,7 @@ def _moments(description: Mapping[str, Any], layout: Layout, path: Path) -> Mome
 def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: Path) -> type:
     """The class of that module and name, else the only class of that name; the last defined one of several.
 
-    A class of this package is found by its name in whatever module it stands now: modules have moved since 0.1.
+    A class of this package is found by its name in whatever module it stands now: modules may move.
     """
     classes = list(classes)
     same_name = [c for c in classes if c.__name__ == address["name"]]

@@ -18,7 +18,6 @@ from typing import Any, get_origin
 import pytest
 
 import segar
-from tests.places import ROOT
 
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
 ROOMS = (

@@ -275,13 +275,6 @@ def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
     assert "smoke: 6 runs" in added.stdout and added.returncode == 0
 
 
-def test_a_setting_of_0_1_is_refused_with_its_name_today(tmp_path):
-    command = [sys.executable, "-m", "experiments.reproduce", "scale=smoke", "elsewhere=[here]", "dry_run=true"]
-    done = subprocess.run([*command, f"root={tmp_path}"], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert "'elsewhere' is called 'imported'" in done.stderr
-
-
 @pytest.mark.results
 def test_runs_that_are_shipped_are_found_by_their_names_today(tmp_path):
     """Whoever adds a setting says so with ``later``; else whatever anybody has trained is trained again."""

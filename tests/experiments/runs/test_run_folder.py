@@ -284,3 +284,10 @@ def test_levels_that_changed_since_the_checkpoint_stop_the_run(config, monkeypat
         CheckpointError, match=r"begun on other levels than those that empty-easy gives now.*restart=true"
     ):
         run(config)
+
+
+@pytest.mark.parametrize("text", ["algorithm: 3", "task: [a]", "algorithm: {kind: [a]}"])
+def test_settings_in_no_shape_that_a_run_writes_are_refused(tmp_path, text):
+    (tmp_path / "config.yaml").write_text(text)
+    with pytest.raises(RunFolderError, match=r"config.yaml: (algorithm|task)"):
+        read_config(tmp_path)

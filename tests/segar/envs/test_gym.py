@@ -11,8 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 import segar
 
-KNOWN = sorted(id_ for id_ in gymnasium.registry if id_.startswith("Segar-"))
-IDS = [id_ for id_ in KNOWN if id_.endswith("-v0")]
+IDS = sorted(id_ for id_ in gymnasium.registry if id_.startswith("Segar-"))
 make = gymnasium.make
 
 
@@ -20,24 +19,6 @@ def test_all_families_and_tasks_are_registered_in_both_observations() -> None:
     expected = {f"Segar-{f}-{o}{r}-v0" for f in segar.families() for o in ("rgb", "state") for r in ("", "-linear")}
     expected |= {f"Segar-{t}-{o}-v0" for t in ("puttputt", "billiards", "invisiball") for o in ("rgb", "state")}
     assert len(segar.families()) == 30 and expected == set(IDS)
-
-
-@pytest.mark.parametrize("observation", ["rgb", "state"])
-def test_an_id_of_0_1_makes_the_same_environment_and_says_its_name_of_today(observation: str) -> None:
-    assert {*KNOWN} - {*IDS} == {f"Segar-{f}-{o}-v1" for f in segar.families() for o in ("rgb", "state")}
-    with pytest.warns(DeprecationWarning, match=f"-{observation}-v1 is now Segar-empty-easy-{observation}-linear-v0"):
-        former = make(f"Segar-empty-easy-{observation}-v1", num_levels=3)
-    today = make(f"Segar-empty-easy-{observation}-linear-v0", num_levels=3)
-    assert former.spec.id == today.spec.id
-    action = np.array([0.3, 0.1], np.float32)
-    steps = []
-    for env in (former, today):
-        env.reset(seed=1)
-        steps.append(env.step(action))
-    np.testing.assert_array_equal(steps[0][0], steps[1][0])
-    assert steps[0][1:4] == steps[1][1:4]
-    with pytest.warns(DeprecationWarning, match="linear-v0"):
-        gymnasium.make_vec(f"Segar-empty-easy-{observation}-v1", num_envs=2, vectorization_mode="vector_entry_point")
 
 
 @pytest.mark.parametrize("id_", ["Segar-empty-hard-state-v0", "segar:Segar-empty-hard-state-linear-v0"])

@@ -43,7 +43,7 @@ def with_other_numbers(path):
     """Snapshots with a number that cannot be."""
     with np.load(path) as archive:
         arrays = dict(archive)
-    for name in ("level", "tick", "contacts", "gave_up", "lengths", "episodes"):
+    for name in ("level", "tick", "contacts", "unresolved_contacts", "lengths", "episodes"):
         for number in (-1, -(2**63)):
             yield f"{name} {number}", with_array(path, name, np.array([0, number, 0]))
     for number in (len(LEVELS), 2**62):

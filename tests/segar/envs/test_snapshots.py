@@ -10,7 +10,7 @@ import pytest
 import segar
 from segar import GolfBall, Mass, Position, SegarError, SetFactor, Velocity
 from segar.envs import Snapshot, VectorEnv
-from segar.envs.snapshots import FORMAT
+from segar.envs.snapshots import EPISODE_ARRAYS, FORMAT, STATE_ARRAYS
 
 
 @segar.rule
@@ -54,15 +54,6 @@ def test_forks_with_equal_actions_are_equal_to_the_bit_though_rules_are_random(r
     trails = some_steps(fork, np.repeat(ACTIONS[:, 3:4], 4, axis=1))
     assert all(np.array_equal(t[:, 0], t[:, k], equal_nan=True) for t in trails for k in (1, 3))
     assert not np.array_equal(trails[5][:, 0], trails[5][:, 2], equal_nan=True)
-
-
-def test_files_name_the_unresolved_contacts_as_version_0_1_did(running, tmp_path):
-    saved = running.state()
-    saved.state.unresolved_contacts[:] = np.arange(6)
-    saved.save(tmp_path / "episodes.npz")
-    with np.load(tmp_path / "episodes.npz") as file:
-        assert file["gave_up"].tolist() == list(range(6))
-    assert Snapshot.load(tmp_path / "episodes.npz").state.unresolved_contacts.tolist() == list(range(6))
 
 
 def test_a_fork_goes_on_as_the_environment_that_it_was_taken_from(running):
@@ -160,26 +151,10 @@ def test_files_that_are_no_snapshots_are_refused(running, tmp_path):
         Snapshot.load(path)
 
 
-ARRAYS_OF_0_1 = ("values", "level", "key", "tick", "contacts", "gave_up", "returns", "lengths", "episodes")
-
-
-def test_a_snapshot_of_segar_0_1_is_read(running, tmp_path):
-    snapshot = running.state()
-    arrays = {name: getattr(snapshot.state, name, getattr(snapshot, name, None)) for name in ARRAYS_OF_0_1}
-    arrays["gave_up"] = np.arange(6)
-    FORMAT.write(tmp_path / "old.npz", arrays, {"version": "0.1.0", "seed": snapshot.seed, "memory": []})
-    there = some_steps(running, ACTIONS)
-    again = VectorEnv(LEVELS, 6, seed=9, max_steps=20)
-    old = Snapshot.load(tmp_path / "old.npz")
-    np.testing.assert_array_equal(old.state.unresolved_contacts, np.arange(6))
-    again.restore(old)
-    assert same(there, some_steps(again, ACTIONS))
-
-
 def test_a_saved_snapshot_has_the_arrays_that_segar_0_1_reads(running, tmp_path):
     running.state().save(tmp_path / "snapshot.npz")
     with np.load(tmp_path / "snapshot.npz") as archive:
-        assert set(archive.files) == {*ARRAYS_OF_0_1, "metadata"}
+        assert set(archive.files) == {*STATE_ARRAYS, *EPISODE_ARRAYS, "metadata"}
 
 
 @pytest.mark.parametrize(

@@ -44,9 +44,7 @@ from segar import (
 from segar.errors import LevelError, PlacementError
 from segar.language import ID, ConvexHull, FloorFriction, Heat, Hole, Label, Order, RandomConvexHull
 from segar.levels.level_data import LEVEL_ARRAYS
-from tests.places import TESTS
 
-FILES_OF_0_1 = TESTS / "data/levels_0_1"
 ANYWHERE = Prior(Position, RandomUniformLocation())
 SOME = ("empty-easy", "objectsx3-hard", "tilesx2-medium", "puttputt")
 some_families = pytest.mark.parametrize("name", SOME)
@@ -301,18 +299,13 @@ def test_part_of_a_file_is_refused(tmp_path, share):
         Levels.load(path)
 
 
-@pytest.mark.parametrize("name, n, seed, split", [("puttputt", 3, 7, "test"), ("tilesx1-hard", 2, 1, "train")])
-def test_a_file_of_version_0_1_is_read_though_its_classes_stand_in_other_modules_now(name, n, seed, split):
-    loaded, sampled = Levels.load(FILES_OF_0_1 / f"{name}.npz"), family(name).sample(n, seed=seed, split=split)
-    assert same(loaded, sampled) and loaded.layout == sampled.layout
-    assert loaded.provenance.version == "0.1.0" and loaded.provenance.distribution == family(name).hash
+def test_built_in_classes_are_found_by_name_beside_a_class_of_the_user_with_that_name(tmp_path):
+    family("puttputt").sample(1).save(tmp_path / "x.npz")
 
-
-def test_built_in_classes_are_found_by_name_beside_a_class_of_the_user_with_that_name():
     class Charger(Object):
         label: Label = "charger"
 
-    assert segar.Charger in Levels.load(FILES_OF_0_1 / "puttputt.npz").layout.types
+    assert segar.Charger in Levels.load(tmp_path / "x.npz").layout.types
 
 
 @pytest.mark.parametrize(
@@ -329,7 +322,8 @@ def test_built_in_classes_are_found_by_name_beside_a_class_of_the_user_with_that
     ],
 )
 def test_a_file_with_a_damaged_description_is_refused_with_what_to_do(change, message, tmp_path):
-    with np.load(FILES_OF_0_1 / "puttputt.npz") as archive:
+    family("puttputt").sample(1).save(tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz") as archive:
         arrays = dict(archive)
     metadata = json.loads(arrays["metadata"].tobytes())
     change(metadata)
