@@ -18,6 +18,7 @@ from typing import Any, get_origin
 import pytest
 
 import segar
+from tests.places import ROOT
 
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
 ROOMS = (
