@@ -69,10 +69,10 @@ def _names(origin: LevelDistribution) -> dict[str, Any]:
     """What names stand for: those of the text of ``origin`` before those of SEGAR, and these before all others."""
     writer = _Writer()
     writer.whole(origin)
+    known = [getattr(room, name) for room in (language, noise) for name in dir(room)]
     defined = [kind for base in (Entity, Factor) for kind in all_subclasses(base)]
     defined.sort(key=lambda kind: kind.__module__.startswith("segar."))
-    constructors = [getattr(noise, name) for name in noise.__all__]
-    constructors += [one for one in vars(language).values() if isinstance(one, type) and issubclass(one, BaseShape)]
+    constructors = [one for one in known if isinstance(one, type) and issubclass(one, (BaseShape, Noise))]
     listed = [*defined, *constructors, Prior, ThingFactory, Dependent]
     return {one.__name__: one for one in listed} | writer.names
 

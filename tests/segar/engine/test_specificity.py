@@ -25,6 +25,7 @@ from tests.segar.engine.worlds import after, read
 PAGE = ROOT / "docs" / "reference" / "conflicts.md"
 ROW = re.compile(r"^\| (.*?) \| (.*?) \| `(.*)` \|$", re.M)
 ROWS = [(what, number, example.replace(r"\|", "|")) for what, number, example in ROW.findall(PAGE.read_text())]
+LANGUAGE = {name: getattr(segar.language, name) for name in dir(segar.language)}
 COMPUTED = {"relation=is_on & is_equal(Mobile, True)": 1 + 2, "relation=is_on | is_equal(Mobile, True)": max(1, 2)}
 
 
@@ -37,9 +38,9 @@ def made_from(example: str) -> Rule:
     def on_one(body) -> None: ...
 
     if "=" in example.split("(")[0]:
-        return eval(f"rule({example})", {**vars(segar.language), "rule": rule})(on_two)
+        return eval(f"rule({example})", {**LANGUAGE, "rule": rule})(on_two)
     if example.startswith("body: "):
-        on_one.__annotations__["body"] = eval(example.removeprefix("body: "), {**vars(segar.language), "Tuple": Tuple})
+        on_one.__annotations__["body"] = eval(example.removeprefix("body: "), {**LANGUAGE, "Tuple": Tuple})
         return rule(on_one)
     return getattr(segar.rules, example)
 
