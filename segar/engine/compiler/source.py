@@ -15,10 +15,11 @@ from segar.language import Floor, Layout, Leaf, Pattern, Symbol, Tree
 # _nrt=False: the kernel allocates nothing, so array views need no reference counts, whose atomic operations would cost
 # as much as the physics of a small world.
 ENTRY_DECORATOR = '@njit(error_model="numpy", nogil=True, cache=True, _nrt=False)'
-DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False)'
+# Only kernels call these: wrappers for calls from Python and from C would take a fifth of the time to compile them.
+DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)'
 # Numba's own passes grow faster than linearly with a function's length, and its calls are slow with array arguments:
 # short functions that LLVM must inline compile fast and run fast.
-INLINE_DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False, forceinline=True)'
+INLINE_DECORATOR = DECORATOR[:-1] + ", forceinline=True)"
 # One environment: V values, W and U and L scratch, P parameters, A action, err the conflict that was found.
 STATE = "V, W, U, bits, kind, count, vertex, hull_radius, P, A, L, key, tick, err"
 
