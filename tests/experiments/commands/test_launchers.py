@@ -5,7 +5,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, run_folders
 from experiments.settings import CHECKOUT, RunConfig
 from tests.experiments.short_runs import COMMAND
+from tests.waiting import until
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
 
@@ -54,16 +54,16 @@ def test_submitit_runs_a_sweep_and_puts_a_run_back_into_its_queue_when_time_is_u
     command = [sys.executable, "-m", "experiments.train", "--multirun", *COMMAND, "tracking=none", *asked]
     process = subprocess.Popen(command, cwd=tmp_path, env=ENVIRONMENT, start_new_session=True)
     try:
-        folder = eventually(lambda: next(iter(run_folders(tmp_path / "runs")), None))
-        eventually(lambda: (folder / CHECKPOINT).exists())
+        folder = until(lambda: next(iter(run_folders(tmp_path / "runs")), None))
+        until(lambda: (folder / CHECKPOINT).exists())
         os.kill(read_journal(folder)[-1]["process"], signal.SIGUSR2)  # what Slurm is asked to send
-        eventually(lambda: [entry["event"] for entry in read_journal(folder)] == ["started", "stopped", "started"])
+        until(lambda: [entry["event"] for entry in read_journal(folder)] == ["started", "stopped", "started"])
         stopped = read_journal(folder)[1]
         assert stopped["error"].startswith("SystemExit") and stopped["frames"] > 0
         log = "".join(path.read_text() for path in (tmp_path / "multirun").rglob("*_log.err"))
         assert "this job is preempted" in log
-        again = eventually(lambda: "".join(p.read_text() for p in (tmp_path / "multirun").rglob("*_log.out")) or None)
-        eventually(lambda: "goes on from" in "".join(p.read_text() for p in (tmp_path / "multirun").rglob("*_log.out")))
+        again = until(lambda: "".join(p.read_text() for p in (tmp_path / "multirun").rglob("*_log.out")) or None)
+        until(lambda: "goes on from" in "".join(p.read_text() for p in (tmp_path / "multirun").rglob("*_log.out")))
         assert again
     finally:
         os.killpg(process.pid, signal.SIGKILL)
@@ -75,15 +75,6 @@ def test_submitit_runs_a_sweep(tmp_path):
     done = sweep(tmp_path, "seed=1,2", "hydra/launcher=submitit_local", f"root={tmp_path / 'runs'}")
     assert done.returncode == 0, done.stderr
     assert seeds(tmp_path / "runs") == [1, 2]
-
-
-def eventually(value, seconds=300.0):
-    """Waits for what happens in another process; returns it."""
-    end = time.monotonic() + seconds
-    while not (found := value()):
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.1)
-    return found
 
 
 SBATCH = """#!/bin/sh
@@ -103,7 +94,7 @@ def test_slurm_is_asked_for_an_array_with_a_warning_before_the_end(tmp_path):
     command = [sys.executable, "-m", "experiments.train", "--multirun", *COMMAND, "tracking=none", *arguments]
     process = subprocess.Popen(command, cwd=tmp_path, env=ENVIRONMENT | {"PATH": path}, start_new_session=True)
     try:
-        eventually(lambda: (tmp_path / "submitted.sh").exists())
+        until(lambda: (tmp_path / "submitted.sh").exists())
     finally:
         os.killpg(process.pid, signal.SIGKILL)  # it would wait for the cluster
         process.wait()

@@ -10,6 +10,7 @@ import psutil
 
 from experiments.reproduction.process_pool import Job, run_jobs
 from tests.places import ROOT
+from tests.waiting import until
 
 
 def behave(how):
@@ -100,11 +101,3 @@ def test_killing_the_owner_ends_its_processes(tmp_path):
     owner.kill()
     owner.wait()
     until(lambda: not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children))
-
-
-def until(holds, seconds=20.0):
-    """Waits for what happens in another process."""
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)

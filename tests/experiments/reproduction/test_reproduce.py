@@ -6,7 +6,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -19,6 +18,7 @@ from experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read
 from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point, paper_grid
 from tests.places import ROOT
 from tests.synthetic_runs import pretend_to_train, settings
+from tests.waiting import until
 
 FOUR_CELLS = ScaleConfig(name="smoke", families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
 MAIN = {"title": "All cells", "figure": "3a", "grid": {"algorithms": ["base"]}, "scales": {"smoke": {}}}
@@ -212,10 +212,7 @@ def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):
     )
     owner = subprocess.Popen([sys.executable, script], env={**os.environ, "PYTHONPATH": str(ROOT)})
     first, *rest = (folder_path(cell) for cell in paper_grid(asked(tmp_path).run))
-    end = time.monotonic() + 30
-    while not is_finished(first):
-        assert time.monotonic() < end and owner.poll() is None
-        time.sleep(0.05)
+    until(lambda: is_finished(first) or owner.poll() is not None)
     owner.send_signal(signal.SIGKILL)
     owner.wait()
     assert not any(is_finished(folder) for folder in rest)

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pandas as pd
 import pytest
@@ -15,6 +14,7 @@ from experiments.reproduction.grid import grid_runs
 from experiments.runs.run_folder import CHECKPOINT, folder_path, is_finished, is_locked
 from experiments.settings import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
 from tests.places import ROOT
+from tests.waiting import until
 
 OF_THE_CLOCK = ["hours", "finished"]  # columns that say when and how long
 MAIN = {
@@ -65,13 +65,6 @@ def killed_when(root, holds):
 
 def folders(root):
     return [folder_path(run) for run in grid_runs(GridConfig(), asked(root).run)]
-
-
-def until(holds, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.005)
 
 
 @pytest.fixture

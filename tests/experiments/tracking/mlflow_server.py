@@ -5,7 +5,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
 
@@ -14,6 +13,7 @@ from mlflow import MlflowClient
 from experiments.runs.run_folder import read_metrics
 from experiments.settings import EvaluationConfig, PPOConfig, ScaleConfig, TrackingConfig
 from tests.experiments.short_runs import short_run
+from tests.waiting import PATIENCE, until
 
 
 class MLflowServer:
@@ -27,7 +27,7 @@ class MLflowServer:
             self.port = probe.getsockname()[1]
         self.uri = f"http://127.0.0.1:{self.port}"
 
-    def start(self, seconds=180.0):
+    def start(self):
         """Starts it, and waits until it answers."""
         command = [
             sys.executable,
@@ -48,14 +48,12 @@ class MLflowServer:
             self.process = subprocess.Popen(
                 command, cwd=self.folder, env=environment, stdout=log, stderr=log, start_new_session=True
             )
-        end = time.monotonic() + seconds
-        while not self.answers():
-            assert self.process.poll() is None and time.monotonic() < end, (self.folder / "server.log").read_text()
-            time.sleep(0.1)
+        until(lambda: self.answers() or self.process.poll() is not None, 0.1)
+        assert self.process.poll() is None, (self.folder / "server.log").read_text()
 
     def answers(self):
         try:
-            with urllib.request.urlopen(f"{self.uri}/health", timeout=5) as response:
+            with urllib.request.urlopen(f"{self.uri}/health", timeout=PATIENCE) as response:
                 return response.status == 200
         except (urllib.error.URLError, ConnectionError, TimeoutError):
             return False

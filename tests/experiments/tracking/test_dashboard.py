@@ -6,7 +6,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
 
@@ -17,6 +16,7 @@ from experiments.dashboard import DashboardConfig, require_free, serve, server_c
 from experiments.settings import CHECKOUT, ConfigError, TrackingConfig, TrackingError
 from experiments.tracking.mlflow_store import open_store, store_uri
 from experiments.tracking.mlflow_views import VIEWS, link, tags_of_views
+from tests.waiting import PATIENCE, until
 
 
 def test_without_a_store_it_says_what_to_run(tmp_path):
@@ -65,10 +65,7 @@ def test_the_pages_are_served_on_loopback_tell_nobody_and_end_with_ctrl_c(tmp_pa
         command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True, preexec_fn=interruptible
     ) as process:
         try:
-            end = time.monotonic() + 120
-            while not said_by(config, "health"):
-                assert process.poll() is None and time.monotonic() < end
-                time.sleep(0.2)
+            until(lambda: said_by(config, "health") or process.poll() is not None)
             asked = f"api/2.0/mlflow/experiments/get?experiment_id={experiment}"
             tags = json.loads(said_by(config, asked))["experiment"]["tags"]
             assert {tag["key"] for tag in tags} == tags_of_views().keys()
@@ -79,7 +76,7 @@ def test_the_pages_are_served_on_loopback_tell_nobody_and_end_with_ctrl_c(tmp_pa
                 pass
         finally:
             process.send_signal(signal.SIGINT)
-            said, _ = process.communicate(timeout=60)
+            said, _ = process.communicate()
     assert f"http://127.0.0.1:{config.port} (in a few seconds)" in said
     assert all(link(config.address, experiment, name) in said for name in VIEWS)
 
@@ -92,7 +89,7 @@ def interruptible():
 def said_by(config, path):
     """What the server answers; empty while it does not."""
     try:
-        with urllib.request.urlopen(f"{config.address}/{path}", timeout=10) as answer:
+        with urllib.request.urlopen(f"{config.address}/{path}", timeout=PATIENCE) as answer:
             return answer.read().decode()
     except (urllib.error.URLError, ConnectionError, TimeoutError):
         return ""

@@ -18,6 +18,7 @@ from experiments.tracking.mlflow_views import tags_of_views
 from experiments.training.run import run
 from tests.experiments.short_runs import COMMAND, before_iteration
 from tests.experiments.tracking.mlflow_server import MLflowServer, in_folder, logged, long_run
+from tests.waiting import until
 
 pytestmark = pytest.mark.slow
 
@@ -70,12 +71,9 @@ def same_file(client, run_id, folder, name, tmp_path):
     return Path(client.download_artifacts(run_id, name, str(tmp_path))).read_bytes() == (folder / name).read_bytes()
 
 
-def wait_until_told(folder, seconds=120.0):
+def wait_until_told(folder):
     """Waits until the store has some of the run's figures."""
-    end = time.monotonic() + seconds
-    while (mark := read_sync_state(folder)) is None or not mark.sent:
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.05)
+    until(lambda: (mark := read_sync_state(folder)) is not None and mark.sent)
 
 
 def test_a_server_over_postgresql_that_is_stopped_and_started_has_all_of_a_run(tmp_path, server, capfd):

@@ -10,7 +10,6 @@ import sqlite3
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 from filelock import FileLock
@@ -27,6 +26,7 @@ from experiments.training import run as run_module
 from experiments.training.run import run
 from experiments.upload import UploadConfig, upload
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
+from tests.waiting import until
 
 START = """
 import sys
@@ -259,21 +259,13 @@ def server(monkeypatch):
 REMOTE = TrackingConfig(uri="http://127.0.0.1:9", interval=0.0)
 
 
-def wait_for(holds, seconds=20.0):
-    """Waits for what another thread does."""
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.01)
-
-
 def points(folder):
     return [(row["name"], row["frames"], row["value"]) for row in read_metrics(folder).to_pylist()]
 
 
 def test_a_run_tells_the_server_all_its_figures_while_it_runs(tmp_path, server, monkeypatch):
     def look(_):
-        wait_for(lambda: any(step == 128 for _, step, _ in server.points))
+        until(lambda: any(step == 128 for _, step, _ in server.points))
 
     with before_iteration(3, look, monkeypatch):
         folder = run(short_run(tmp_path / "run", tracking=REMOTE)).folder
@@ -287,7 +279,7 @@ def test_a_server_that_goes_away_and_comes_back_misses_nothing(tmp_path, server,
         server.up, server.calls = False, 0
 
     def miss(_):
-        wait_for(lambda: server.calls > 1)
+        until(lambda: server.calls > 1)
 
     def come(_):
         server.up = True
@@ -399,7 +391,7 @@ def test_a_locked_database_ends_no_run_and_gets_all_when_it_is_free(tmp_path, ca
     other.close()
     said = capfd.readouterr().err
     assert "has not got all of this run" in said and "Traceback" not in said
-    wait_for(lambda: all(thread.name != "tracking" for thread in threading.enumerate()), 90)  # its last attempt
+    until(lambda: all(thread.name != "tracking" for thread in threading.enumerate()))  # its last attempt
     upload(UploadConfig(run=str(folder)))
     _, one = run_in(tmp_path, folder)
     assert one.info.status == "FINISHED"

@@ -3,16 +3,16 @@
 import json
 import shutil
 import tempfile
-import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from tests.waiting import PATIENCE, until
+
 PROGRAMS = {"chromium": ("chromium", "chromium-browser", "google-chrome"), "firefox": ("firefox-esr", "firefox")}
 ADVICE = "apt-get install chromium firefox-esr on Debian, then `make test-browser`"
-PATIENCE = 60.0  # [s] until something is there
 QUIET = (
     "--no-sandbox",
     "--disable-gpu",
@@ -44,10 +44,7 @@ class Browser:
 
     def until(self, holds: str, argument: Any = None) -> None:
         """Wait until an expression of ``argument`` holds; Playwright's own waiting evaluates text, which pages forbid."""
-        end = time.monotonic() + PATIENCE
-        while not self.run(f"return {holds}", argument):
-            assert time.monotonic() < end, f"after {PATIENCE:.0f} s it did not hold: {holds}"
-            time.sleep(0.02)
+        until(lambda: self.run(f"return {holds}", argument))
 
     def open(self, path: Path) -> None:
         """Open a page of SEGAR, and wait until it can be played or has said what is wrong."""
@@ -59,8 +56,11 @@ class Chromium(Browser):
     """Chromium; ``messages`` are those of the console, and errors of the page."""
 
     def __init__(self, playwright: Any) -> None:
-        self.browser = playwright.chromium.launch(executable_path=program("chromium"), args=QUIET)
+        self.browser = playwright.chromium.launch(
+            executable_path=program("chromium"), args=QUIET, timeout=1000 * PATIENCE
+        )
         self.page = self.browser.new_page(viewport={"width": 1240, "height": 900})
+        self.page.context.set_default_timeout(1000 * PATIENCE)
         self.messages: list[str] = []
         self.requests: list[str] = []
         self.page.on("console", lambda message: self.messages.append(message.text))
@@ -114,9 +114,11 @@ def started(name: str) -> Iterator[Browser]:
                 from marionette_driver.marionette import Marionette
 
                 # Marionette removes the file that it is given for a log before it opens it: never give it a device.
-                marionette = Marionette(bin=program("firefox"), headless=True, port=0, gecko_log=folder)
+                marionette = Marionette(
+                    bin=program("firefox"), headless=True, port=0, gecko_log=folder, startup_timeout=PATIENCE
+                )
                 marionette.start_session()
-            marionette.timeout.script = 300
+            marionette.timeout.script = PATIENCE
             try:
                 yield Firefox(marionette)
             finally:

@@ -13,6 +13,7 @@ from segar.datasets import read_play
 from segar.envs import VectorEnv
 from segar.playground import make_playground
 from tests.segar.playground.browsers import Chromium
+from tests.waiting import until
 
 LEVELS = 12
 
@@ -64,8 +65,7 @@ def test_a_hit_by_mouse_is_the_action_that_python_takes(page: Any) -> None:
     page.press("#seed", "Enter")
     x, y = ball(page)
     drag(page, (x, y), (x + 0.3, y))
-    while not state(page)["steps"]:
-        page.wait_for_timeout(20)
+    until(lambda: state(page)["steps"])
     page.keyboard.press(" ")
     actions = np.array(page.evaluate("window.playground.world.actions.map((one) => [...one])"), np.float32)
     assert np.abs(actions[0] - [0.5, 0.0]).max() < 0.02  # 0.6 m is as hard as can be
@@ -81,8 +81,7 @@ def test_a_hit_by_mouse_is_the_action_that_python_takes(page: Any) -> None:
 def test_keys_hit_pause_step_and_go_on(page: Any) -> None:
     page.focus("#arena")
     page.keyboard.press("ArrowRight")
-    while state(page)["steps"] < 2:
-        page.wait_for_timeout(20)
+    until(lambda: state(page)["steps"] >= 2)
     page.keyboard.press(" ")
     before = state(page)
     assert not before["running"]
@@ -101,13 +100,11 @@ def test_a_replay_ends_where_the_episode_ended(page: Any) -> None:
     page.select_option("#speed", "4")
     page.focus("#arena")
     page.keyboard.press("ArrowLeft")
-    while not state(page)["over"]:
-        page.wait_for_timeout(50)
+    until(lambda: state(page)["over"])
     first = state(page)
     assert "level 0" in page.inner_text("#status")
     page.click("#replay")
-    while not state(page)["over"]:
-        page.wait_for_timeout(50)
+    until(lambda: state(page)["over"])
     assert state(page)["values"] == first["values"]
     assert state(page)["total"] == first["total"]
 
@@ -273,12 +270,10 @@ def test_an_address_that_says_nonsense_is_told_and_the_page_goes_on(page: Any) -
     }
     for fragment, why in wrong.items():
         page.evaluate("(fragment) => { window.location.hash = fragment }", fragment)
-        page.wait_for_timeout(50)
-        assert why in page.inner_text("#trouble")
+        page.locator("#trouble", has_text=why).wait_for()
         assert state(page)["level"] == 0
     page.evaluate("(fragment) => { window.location.hash = fragment }", good.replace("level=0", "level=3"))
-    page.wait_for_timeout(50)
-    assert (state(page)["level"], page.is_visible("#trouble")) == (3, False)
+    until(lambda: (state(page)["level"], page.is_visible("#trouble")) == (3, False))
 
 
 def test_all_levels_leave_as_text_bit_for_bit(page: Any, tmp_path: Path) -> None:
@@ -295,8 +290,7 @@ def test_what_a_person_played_is_played_again_by_python(page: Any, tmp_path: Pat
     for level, key in enumerate(["ArrowLeft", "ArrowUp"]):
         page.focus("#arena")
         page.keyboard.press(key)
-        while not state(page)["over"]:
-            page.wait_for_timeout(50)
+        until(lambda: state(page)["over"])
         if not level:
             page.click("#next")
     last = state(page)["total"]
@@ -350,6 +344,6 @@ def test_axe_finds_nothing_wrong(page: Any, scheme: str) -> None:
 
     page.emulate_media(color_scheme=scheme)
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true })")
-    page.wait_for_timeout(100)
+    page.evaluate("() => Promise.all(document.getAnimations().map((one) => one.finished))")
     found = Axe().run(page)
     assert found.violations_count == 0, found.generate_report()

@@ -52,9 +52,7 @@ def test_functions_that_browsers_lack_are_named() -> None:
 
 
 def test_observations_of_several_parts_are_refused() -> None:
-    refused(
-        r"one array, and Multi gives Tuple\(.*one by one", observations=[segar.observations.Multi(["state", "rgb"])]
-    )
+    refused(r"one array, and Multi gives Tuple\(.*one", observations=[segar.observations.Multi(["state", "rgb"])])
     refused(r"sequence of at least one, such as \('rgb',\), not 'rgb'", observations="rgb")
     refused(r"sequence of at least one.*not \(\)", observations=())
 
