@@ -63,9 +63,7 @@ def test_a_run_names_the_methods_that_its_learner_lacks_and_leaves_no_folder(tmp
 
 
 def test_settings_that_name_no_learner_are_refused():
-    with pytest.raises(
-        ConfigError, match=r"NamelessConfig names no learner; learner: ClassVar\[str\] = 'module:Class' does"
-    ):
+    with pytest.raises(ConfigError, match=r"names no learner; learner: ClassVar\[str\] = 'module:Class' does"):
         learner_class(NamelessConfig())
 
 

@@ -98,9 +98,7 @@ def test_a_changed_episode_is_found_and_named_though_all_hashes_were_made_to_fit
     place = episodes.schema.get_field_index("return")
     pq.write_table(episodes.set_column(place, EPISODES.field("return"), [returns]), row.folder / TABLE)
     forged = edited(row, files={TABLE: file_hash(row.folder / TABLE)})
-    with pytest.raises(
-        RunFolderError, match=r"place-few-v1-s1: the return of the episode on test level 5 is .* 1 of 225"
-    ):
+    with pytest.raises(RunFolderError, match=r"place-few-v1-s1: the return of the episode on test level 5 is .* 1"):
         verify(forged)
 
 
@@ -108,9 +106,7 @@ def test_another_version_of_a_suite_or_other_training_levels_are_refused(tmp_pat
     row = row_made_here(config_of(tmp_path, player="idle"))
     data = json.loads((row.folder / ROW).read_text())
     piece = data["pieces"][0]
-    with pytest.raises(
-        RunFolderError, match=r"played on place-few-v1 with the hash 0000, and the suite of this name has"
-    ):
+    with pytest.raises(RunFolderError, match="played on place-few-v1 with the hash 0000, and the suite of this name"):
         verify(edited(row, pieces=[{**piece, "suite_hash": "0000"}]))
     with pytest.raises(RunFolderError, match="the train levels of place-few-v1 with seed 1 are not those"):
         verify(edited(row, pieces=[{**piece, "levels": {**piece["levels"], "train": "0000"}}]))
@@ -148,9 +144,7 @@ def test_wrong_actions_are_refused(tmp_path, actions, said):
 
 @pytest.mark.parametrize("name", ["no_function", "no_policy"])
 def test_what_makes_no_policy_is_refused(tmp_path, name):
-    with pytest.raises(
-        ConfigError, match=rf"policy: {LAB}:{name} must be a function of a suite and a seed that returns a policy"
-    ):
+    with pytest.raises(ConfigError, match=f"policy: {LAB}:{name} must be a function of a suite and a seed"):
         row_made_here(config_of(tmp_path, policy=f"{LAB}:{name}", row="mine"))
 
 
@@ -271,9 +265,7 @@ def test_actions_of_a_method_from_outside_can_be_those_on_twins(tmp_path):
     assert {*actions} == {*row.pieces[0].levels} and any(name.startswith("twin-") for name in actions)
     assert verify(row) == sum(map(len, actions.values()))
     write_actions(tmp_path / "given" / f"{WITH_TWINS}-s1.npz", {**actions, "twin-Hue": actions["test"]})
-    with pytest.raises(
-        RunFolderError, match="there are actions of 'twin-Hue', and the level sets are train, test, twin-"
-    ):
+    with pytest.raises(RunFolderError, match="there are actions of 'twin-Hue', and the level sets are train, test"):
         row_made_here(config_of(tmp_path, actions=str(tmp_path / "given"), row="other"), WITH_TWINS)
 
 

@@ -111,9 +111,7 @@ def test_where_rules_have_chance_the_idle_agent_meets_the_draws_of_the_seed():
 
 def test_an_oracle_refuses_levels_that_its_plan_is_not_for():
     found = plan(LEVELS[:3], rng=np.random.default_rng(0), samples=8, iterations=1)
-    with pytest.raises(
-        SegarError, match="this plan is for 3 levels of the task puttputt-squared, not for 12 of puttputt-squared"
-    ):
+    with pytest.raises(SegarError, match="this plan is for 3 levels of the task puttputt-squared, not for 12"):
         play_episodes(Oracle(found), LEVELS, np.arange(12), {}, rng=None, seed=0)
 
 

@@ -61,16 +61,8 @@ HERE = "grids.mine"
         (["transfers"], [{"difficulty": "hardr"}], f"{HERE}.transfers[0].difficulty: 'hardr' is unknown. Did you mean"),
         (["attribution"], {"where": "Position"}, f"{HERE}.attribution.where: 'Position' is not"),
         (["attribution"], {"where": []}, f"{HERE}.attribution.where: [] is not allowed; it must be a list of factors"),
-        (
-            ["attribution"],
-            {"rest": ["Size"]},
-            f"{HERE}.attribution.rest: 'rest' is not allowed; it must be another name",
-        ),
-        (
-            ["attribution"],
-            {"a+b": ["Size"]},
-            f"{HERE}.attribution.a+b: 'a+b' is not allowed; it must be a name without +",
-        ),
+        (["attribution"], {"rest": ["Size"]}, f"{HERE}.attribution.rest: 'rest' is not allowed; it must be another"),
+        (["attribution"], {"a+b": ["Size"]}, f"{HERE}.attribution.a+b: 'a+b' is not allowed; it must be a name"),
         (["grid"], {}, "it must be an experiment with a grid, a study, or both"),
         (["title"], 3, f"{HERE}.title: 3 is not text"),
     ],

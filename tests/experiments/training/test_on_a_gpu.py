@@ -126,18 +126,14 @@ def one_of() -> OneOf:
 
 def test_what_a_gpu_does_not_have_is_refused_and_leaves_no_folder(stub, tmp_path):
     refused = config(tmp_path / "a", "cuda", observation=f"{__name__}:one_of")
-    with pytest.raises(
-        ConfigError, match=r"algorithm\.env_device: .*BoundOneOf has no compiled form.*env_device=cpu runs"
-    ):
+    with pytest.raises(ConfigError, match=r"algorithm\.env_device: .*BoundOneOf has no compiled form.*env_device=cpu"):
         run(refused, print)
     assert not (tmp_path / "a").exists()
 
 
 @pytest.mark.parametrize("kind", [PPOConfig, SACConfig])
 def test_settings_that_exclude_each_other_are_refused(kind):
-    with pytest.raises(
-        ConfigError, match=r"algorithm\.env_device: 'cuda' .* must be cpu where algorithm.device is cpu"
-    ):
+    with pytest.raises(ConfigError, match=r"algorithm\.env_device: 'cuda' .* must be cpu where algorithm.device"):
         kind(env_device="cuda")
     with pytest.raises(ConfigError, match=r"algorithm\.overlap: True .* must be false where env_device is cuda"):
         PPOConfig(device="cuda:1", env_device="cuda", overlap=True)

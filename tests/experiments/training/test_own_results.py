@@ -17,10 +17,7 @@ HERE = "tests.experiments.training.own_results"
 @pytest.mark.parametrize(
     ("task", "message"),
     [
-        (
-            "raising",
-            r"the task own: its result 'mine', wrong \(own_results.py:\d+\), raises KeyError: 'Fuel'. A result is a function",
-        ),
+        ("raising", r"the task own: its result 'mine', wrong \(own_results.py:\d+\), raises KeyError: 'Fuel'."),
         ("misshapen", r"its result 'mine', <lambda> \(own_results.py:\d+\), has the shape \(3,\) for 7 environments"),
         ("text", r"its result 'mine', <lambda> \(own_results.py:\d+\), is made of str_?, not of numbers or truths"),
         ("none", r"its result 'mine', <lambda> \(own_results.py:\d+\), is made of NoneType, not of numbers or truths"),

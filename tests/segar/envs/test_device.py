@@ -269,9 +269,7 @@ def test_wrong_masks_are_refused(stub, levels):
 
 
 def test_what_needs_the_processor_is_refused(stub, levels):
-    with pytest.raises(
-        SegarError, match="BoundOneOf has no compiled form for a GPU, which a state, 'rgb', 'textures', st"
-    ):
+    with pytest.raises(SegarError, match="BoundOneOf has no compiled form for a GPU, which a state, 'rgb'"):
         VectorEnv(levels, N, device="cuda", observation=Stack(OneOf(["rgb"]), 2))
     with pytest.raises(SegarError, match="render_mode='rgb_array' draws on the processor: use device='cpu'"):
         VectorEnv(levels, N, device="cuda", render_mode="rgb_array")
@@ -285,9 +283,7 @@ def test_unknown_devices_are_refused(levels, device):
 
 @pytest.mark.skipif(torch.backends.cuda.is_built(), reason="this torch is built with CUDA")
 def test_a_torch_without_cuda_is_told(levels):
-    with pytest.raises(
-        SegarError, match=r"device='cuda' needs a torch that is built with CUDA, and this one \(.*\) is not"
-    ):
+    with pytest.raises(SegarError, match=r"device='cuda' needs a torch that is built with CUDA, and this one \(.*\)"):
         VectorEnv(levels, N, device="cuda")
 
 

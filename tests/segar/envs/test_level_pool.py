@@ -206,10 +206,7 @@ def test_all_interfaces_take_levels_and_weights(kind):
         (lambda env: env.replace_levels([1, 1], OTHERS[:2]), "named twice"),
         (lambda env: env.replace_levels([1], OTHERS), "8 whole numbers, one for each"),
         (lambda env: env.replace_levels([1], segar.family("tilesx1-easy").sample(1)), "other environments"),
-        (
-            lambda env: env.replace_levels([1], DIST.with_rules([segar.move]).sample(1)),
-            "other rules than those of these environments",
-        ),
+        (lambda env: env.replace_levels([1], DIST.with_rules([segar.move]).sample(1)), "those of these environments"),
     ],
 )
 def test_what_does_not_fit_is_said(call, message):

@@ -225,7 +225,5 @@ def test_what_cannot_be_pickled_is_named_with_what_to_do():
     task = dataclasses.replace(segar.puttputt(), results={"weights": report})
     env = VectorEnv(segar.family("empty-easy").sample(2), 1, task=task)
     for thing in (task, env):
-        with pytest.raises(
-            SegarError, match=r"report \(test_pickles.py:\d+\) cannot be pickled: .*lock.*top level of a"
-        ):
+        with pytest.raises(SegarError, match=r"report \(test_pickles.py:\d+\) cannot be pickled: .*lock.*top level"):
             pickle.dumps(thing)

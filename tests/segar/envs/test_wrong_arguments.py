@@ -20,9 +20,7 @@ def test_a_result_of_another_length_is_refused_with_its_name_where_it_is_read():
     env = VectorEnv(LEVELS, 3, task=task)
     _, info = env.reset(seed=0)
     for result, shape in (("left", r"\(7,\)"), ("one", r"\(\)")):
-        with pytest.raises(
-            SegarError, match=rf"the result '{result}' of the task has the shape {shape} for 3 environm"
-        ):
+        with pytest.raises(SegarError, match=f"the result '{result}' of the task has the shape {shape} for 3"):
             info["results"][result]
 
 

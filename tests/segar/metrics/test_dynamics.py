@@ -276,18 +276,12 @@ def test_the_transport_of_constant_forces_is_that_of_their_strengths():
 def test_what_cannot_be_compared_is_refused():
     still = worlds("")
     there = situations(small(4))
-    with pytest.raises(
-        LevelError, match=r"have 2 rule sets; take one level, as levels\[0\], or compare all by dynamics_w2"
-    ):
+    with pytest.raises(LevelError, match=r"have 2 rule sets; take one level, as levels\[0\], or compare all"):
         dynamics_distance(worlds("", "pull"), still, there)
-    with pytest.raises(
-        LevelError, match=r"needs situations; a Levels is none. Make them of levels: segar.hardness.make_"
-    ):
+    with pytest.raises(LevelError, match=r"needs situations; a Levels is none. Make them of levels"):
         dynamics_distance(still, still, starting(small(2)))  # type: ignore[arg-type]
     other = segar.family("objectsx1-hard").sample(2)
-    with pytest.raises(
-        LevelError, match=r"the levels have the entities golfball, goal, object1, .*same numbers and types"
-    ):
+    with pytest.raises(LevelError, match="the levels have the entities golfball, goal, object1"):
         rule_set_distances(other, still, there)
     with pytest.raises(LevelError, match="make_situations needs at least 2 states"):
         situations(small(1))

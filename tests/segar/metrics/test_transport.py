@@ -224,9 +224,7 @@ def test_the_size_of_a_hull_is_that_of_a_disc_of_equal_area():
 def test_world_parameters_count_if_they_vary():
     a, b = (Levels.from_entities([[GolfBall({Position: [0, 0]})]], parameters={Gravity: g}) for g in (8.0, 11.0))
     assert w2(a, b, scale={(Parameter, Gravity): 1.5}) == pytest.approx(2.0)
-    with pytest.warns(
-        UnseenDifferenceWarning, match="parameter Gravity: 8 against 11; it has no spread in the given scale"
-    ):
+    with pytest.warns(UnseenDifferenceWarning, match="parameter Gravity: 8 against 11; it has no spread in the given"):
         assert w2(a, b, scale={}) == 0.0
 
 
@@ -299,17 +297,11 @@ def test_the_program_of_the_documentation_takes_sets_of_which_one_has_factors_of
         ({"mode": "refrence"}, "Did you mean 'reference'"),
         ({"mode": "paper", "factors": [Position]}, "mode='paper' takes neither scale nor factors"),
         ({"factors": []}, "w2: factors lists none"),
-        (
-            {"scale": {"Position": 1.0}},
-            "scale is keyed by (entity type, factor), as segar.metrics.spread(a, b) does, not by 'Pos",
-        ),
+        ({"scale": {"Position": 1.0}}, "scale is keyed by (entity type, factor), as segar.metrics.spread(a, b) does"),
         ({"scale": {(SandTile, segar.Mass): 1.0}}, "scale gives a unit to Mass of SandTile, which has none"),
         ({"scale": {(Parameter, segar.Mass): 1.0}}, "scale gives a unit to Mass of Parameter, which has none"),
         *(
-            (
-                {"scale": {(GolfBall, Position): unit}},
-                f"w2: the scale of GolfBall.Position must be a finite number of at least 0, not {unit!r}",
-            )
+            ({"scale": {(GolfBall, Position): unit}}, "w2: the scale of GolfBall.Position must be a finite number")
             for unit in (-1.0, float("nan"), float("inf"), "1", None, True)
         ),
         ({"mismatch": -1.0}, "mismatch must be a finite number of at least 0, not -1.0"),

@@ -16,7 +16,7 @@ START = Layer("observation", options={"scale": 1.0, "stack": 1})
 
 
 def array(*shape):
-    return np.ones(shape, np.float32)
+    return np.broadcast_to(np.float32(1), shape)  # of any size, and no memory
 
 
 def dense(inputs, outputs, *reads):
@@ -112,10 +112,7 @@ def rewritten(path, change):
         (lambda d, a: d.pop("mean"), "'mean' is absent"),
         (lambda d, a: d["layers"][1].update(kind="os.system"), "there is no kind of layer 'os.system'"),
         (lambda d, a: d["layers"][1].update(reads=[9]), r"reads layers \[9\]"),
-        (
-            lambda d, a: a.update({"1/weight": a["1/weight"][:-1]}),
-            r"layer 1 \(dense\): .* do not fit 7 inputs; the file was",
-        ),
+        (lambda d, a: a.update({"1/weight": a["1/weight"][:-1]}), r"layer 1 \(dense\): .* do not fit 7 inputs"),
         (lambda d, a: a.update({"1/weight": a["1/weight"].astype(float)}), "'1/weight' must be float32"),
         (lambda d, a: a.pop("1/bias"), "it has no array '1/bias'"),
         (lambda d, a: a.update({"1/bias": a["1/bias"] * np.nan}), "'bias' must be float32 with 1 axes and finite"),
