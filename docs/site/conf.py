@@ -36,7 +36,8 @@ copyright = "SEGAR developers"
 release = version = segar.__version__
 html_title = f"SEGAR {release}"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
+autosummary_generate = False  # ``api.py`` writes the pages
 nitpicky = True
 # Links of the scheme `here` are relative links to files that are no pages; ``pages.py`` writes them.
 myst_url_schemes = {"http": None, "https": None, "mailto": None, "here": "{{path}}"}
@@ -78,7 +79,7 @@ def use_plain_signature(
     app: Sphinx, what: str, name: str, value: Any, options: Any, signature: str | None, returned: str | None
 ) -> tuple[str | None, str | None]:
     """The signature of the function of a rule; and no types where these are checks of settings, which print addresses."""
-    if isinstance(value, Rule | Relation):
+    if what == "function" and isinstance(value, Rule | Relation):
         return f"({', '.join(inspect.signature(value.function).parameters)})", None
     if signature and (" at 0x" in signature or "Annotated[" in signature):
         parameters = inspect.signature(value).parameters.values()

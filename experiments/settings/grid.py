@@ -69,5 +69,5 @@ def design(config: RunConfig) -> dict[str, Any]:
 
 
 def design_hash(config: RunConfig) -> str:
-    """Eight hexadecimal digits that are equal for equal :func:`design`."""
+    """Eight hexadecimal digits that are equal for equal :func:`experiments.settings.design`."""
     return digest(design(config))

@@ -37,7 +37,7 @@ def apply_friction(
 
 @rule(relation=is_on)
 def record_drag(body: Tuple[Mass, Velocity, Drag], ground: Tuple[Friction], g: Gravity) -> Aggregate[Drag]:
-    """The share of friction in the acceleration, which :func:`come_to_rest` compares with the speed."""
+    """The share of friction in the acceleration, which ``come_to_rest`` compares with the speed."""
     m, v, drag = body
     (mu,) = ground
     speed = v.norm()
