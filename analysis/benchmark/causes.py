@@ -20,7 +20,7 @@ def causes_in(episodes: pd.DataFrame) -> pd.DataFrame:
     :meth:`segar.suites.Cause.row`; no line where there are no twins.
 
     Args:
-        episodes: of :meth:`experiments.benchmarking.row.Row.episodes`, one on each test level and twin.
+        episodes: of :meth:`experiments.benchmarking.row.Row.results`, one on each test level and twin.
     """
     lines = []
     for (name, seed), part in episodes.groupby(["suite", "seed"], sort=False):  # type: ignore[misc]
@@ -36,7 +36,7 @@ def causes_in(episodes: pd.DataFrame) -> pd.DataFrame:
 
 def causes_of_rows(rows: Sequence[Row]) -> pd.DataFrame:
     """One line per row, suite, seed and group, as of :func:`causes_in`, in the column ``row`` the name of the row."""
-    found = [causes_in(row.episodes().to_pandas()).assign(row=row.method.name) for row in rows]
+    found = [causes_in(row.results().to_pandas()).assign(row=row.method.name) for row in rows]
     kept = [one for one in found if len(one)]
     if not kept:
         return pd.DataFrame(columns=["row", "suite", "seed", "group", "differs", "effect"])

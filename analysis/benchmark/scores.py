@@ -75,7 +75,7 @@ class LevelMeans:
     """The mean return and success on each level, by suite, seed and side, and the hashes of the level sets."""
 
     def __init__(self, row: Row) -> None:
-        episodes = row.episodes().to_pandas()
+        episodes = row.results().to_pandas()
         means = episodes.groupby(["suite", "seed", "levels", "level"])[["return", "success"]].mean()
         self.returns: dict[tuple[str, int, str], Floats] = {}
         self.successes: dict[tuple[str, int, str], Floats] = {}

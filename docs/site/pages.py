@@ -97,12 +97,12 @@ class Pages:
         self.texts["results/README.md"] += toctree([page.relative_to(DOCS / "results").as_posix() for page in pages])
 
     def reports(self) -> str:
-        """Links to the reports, which are pages of their own."""
+        """Links to the reports that were made or fetched, which are pages of their own."""
         links = []
         for report in sorted(DOCS.glob("results/*/report.html")):
             self.files[report.relative_to(DOCS).as_posix()] = report
             links.append(f"- [{report.parent.name}](here:{report.relative_to(DOCS / 'results').as_posix()})\n")
-        return "\n## The reports as pages\n\n" + "".join(links)
+        return "\n## The reports as pages\n\n" + "".join(links) if links else ""
 
     def add_sections(self) -> None:
         """An index of each folder: its section of docs/README.md."""

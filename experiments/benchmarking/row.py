@@ -1,7 +1,9 @@
 """A row of the benchmark as data: what a method is, its episodes on each suite with each seed, and what replays them.
 
 A row is a folder. ``row.json`` describes it and holds the hash of every other file; ``episodes.parquet`` has all episodes,
-:data:`EPISODES`; ``<suite>-s<seed>.npz`` holds the network that played, or the actions that were taken.
+:data:`EPISODES`; ``<suite>-s<seed>.npz`` holds the network that played, or the actions that were taken. Where levels were
+played several times, ``levels.parquet`` has the means of each level. A folder may lack files that are published elsewhere, as
+those of the repository do: ``segar results fetch`` gets them.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from experiments.settings import RunFolderError
 from segar.support import misfit
 
 FORMAT = 1
-ROW, TABLE, PIECE = "row.json", "episodes.parquet", "piece.json"
+ROW, TABLE, MEANS, PIECE = "row.json", "episodes.parquet", "levels.parquet", "piece.json"
+FETCH = "`segar results fetch` gets what is published"
 KINDS = ("player", "networks", "actions")
 DIGITS = 16  # of hashes
 WAIT = 600.0  # [s] for other processes that add pieces, such as the jobs of a cluster
@@ -40,6 +43,7 @@ EPISODES = pa.schema(
     ]
 )
 KEYS = ("suite", "seed")
+LEVEL = (*KEYS, "levels", "level")
 FORM = {
     "format": int,
     "name": str,
@@ -52,6 +56,7 @@ FORM = {
                 "made_with": int}],
     "made_with": [dict],
     "files": {str: str},
+    "means?": str,
     "hash": str,
 }  # fmt: skip
 
@@ -99,16 +104,28 @@ class Method:
 
 @dataclass(frozen=True)
 class Row:
-    """A row, read from its folder, all files of which have their hashes."""
+    """A row, read from its folder, all files of which have their hashes.
+
+    Attributes:
+        files: the names of the row's files, and their hashes. lacks: those that the folder has not got.
+    """
 
     method: Method
     pieces: tuple[Piece, ...]
     folder: Path
     hash: str
+    files: Mapping[str, str] = field(default_factory=dict)
+    lacks: frozenset[str] = frozenset()
 
     def episodes(self) -> pa.Table:
-        """All episodes, :data:`EPISODES`, piece after piece."""
+        """All episodes, :data:`EPISODES`, piece after piece; raises :class:`RunFolderError` if the folder lacks them."""
+        if TABLE in self.lacks:
+            raise RunFolderError(f"{self.folder}: the file {TABLE} is not here; {FETCH}")
         return pq.read_table(self.folder / TABLE)
+
+    def results(self) -> pa.Table:
+        """The episodes or, where the folder lacks them, the means of :func:`means_of`."""
+        return pq.read_table(self.folder / MEANS) if TABLE in self.lacks else self.episodes()
 
     def suites(self) -> tuple[str, ...]:
         """The suites that were played, each once."""
@@ -132,16 +149,19 @@ def read_row(folder: Path) -> Row:
     """
     path = folder / ROW
     data = _description(path)
-    stated = data.pop("hash")
+    stated, means = data.pop("hash"), data.pop("means", None)
     if stated != hash_of(data):
         raise RunFolderError(
             f"{path} was edited: its hash is {hash_of(data)}, and it says {stated}. A changed row is another one: make it with"
             " python -m experiments.benchmark"
         )
+    listed = {**data["files"], **({} if means is None else {MEANS: means})}
     there = {one.name for one in folder.iterdir() if one.is_file() and one.name != ROW}
-    for name in sorted(there ^ {*data["files"]}):
-        raise RunFolderError(f"{folder}: the file {name} {'is not part of the row' if name in there else 'is missing'}")
-    for name, known in data["files"].items():
+    for name in sorted(there - {*listed}):
+        raise RunFolderError(f"{folder}: the file {name} is not part of the row")
+    if not there & {TABLE, MEANS}:
+        raise RunFolderError(f"{folder}: the file {TABLE} is not here; {FETCH}")
+    for name, known in ((name, listed[name]) for name in sorted(there)):
         if (found := file_hash(folder / name)) != known:
             raise RunFolderError(
                 f"{folder / name} is not what the row was made of: its hash is {found}, and {ROW} says {known}"
@@ -149,7 +169,7 @@ def read_row(folder: Path) -> Row:
     made_with = data["made_with"]
     pieces = tuple(Piece(**{**one, "made_with": made_with[one["made_with"]]}) for one in data["pieces"])
     method = Method(**{one.name: data[one.name] for one in dataclasses.fields(Method)})
-    return Row(method, pieces, folder, stated)
+    return Row(method, pieces, folder, stated, data["files"], frozenset(data["files"]) - there)
 
 
 def _description(path: Path) -> dict[str, Any]:
@@ -192,7 +212,8 @@ def add_pieces(folder: Path, method: Method, new: Sequence[NewPiece]) -> Row:
         episodes = pa.concat_tables(tables).sort_by([(key, "ascending") for key in KEYS])
         with replacing(folder / TABLE) as beside:
             pq.write_table(episodes, str(beside), compression="zstd")
-        _write(folder, method, pieces)
+        write_means(folder, episodes)
+        _write(folder, method, pieces, {} if before is None else before.files)
     return read_row(folder)
 
 
@@ -223,8 +244,26 @@ def _without(episodes: pa.Table, keys: set[tuple[str, int]]) -> pa.Table:
     return episodes.filter(pa.array([key not in keys for key in names], pa.bool_()))
 
 
-def _write(folder: Path, method: Method, pieces: Sequence[Piece]) -> None:
-    """Writes the description of a row, whose other files are written already, and removes files that no piece has."""
+def means_of(episodes: pa.Table) -> pa.Table:
+    """The mean return and the mean success on each level, in the order in which the levels were played."""
+    found = episodes.to_pandas().groupby(list(LEVEL), sort=False)[["return", "success"]].mean().reset_index()
+    return pa.Table.from_pandas(found, preserve_index=False).replace_schema_metadata(None)
+
+
+def write_means(folder: Path, episodes: pa.Table) -> None:
+    """Writes the means of the levels where some were played several times; such episodes are many."""
+    means = means_of(episodes)
+    if len(means) < len(episodes):
+        with replacing(folder / MEANS) as beside:
+            pq.write_table(means, str(beside), compression="zstd")
+
+
+def _write(folder: Path, method: Method, pieces: Sequence[Piece], known: Mapping[str, str]) -> None:
+    """Writes the description of a row, whose other files are written already, and removes files that no piece has.
+
+    Args:
+        known: the hashes of files that the folder may lack.
+    """
     kept = {TABLE, *(one.file for one in pieces if one.file)}
     for path in folder.glob("*.npz"):
         if path.name not in kept:
@@ -236,8 +275,10 @@ def _write(folder: Path, method: Method, pieces: Sequence[Piece]) -> None:
             made_with.append(one.made_with)
         listed.append({**dataclasses.asdict(one), "made_with": made_with.index(one.made_with)})
     data = {"format": FORMAT, **dataclasses.asdict(method), "pieces": listed, "made_with": made_with}
-    data = _plain({**data, "files": {name: file_hash(folder / name) for name in sorted(kept)}})
-    write_text(folder / ROW, json.dumps({**data, "hash": hash_of(data)}, indent=1) + "\n")
+    files = {name: file_hash(folder / name) if (folder / name).exists() else known[name] for name in sorted(kept)}
+    data = _plain({**data, "files": files})
+    means = {"means": file_hash(folder / MEANS)} if (folder / MEANS).exists() else {}
+    write_text(folder / ROW, json.dumps({**data, **means, "hash": hash_of(data)}, indent=1) + "\n")
 
 
 def _plain(data: Any) -> Any:

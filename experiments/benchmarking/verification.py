@@ -1,13 +1,14 @@
-"""Plays a row again by what it holds, and compares every episode to the bit."""
+"""Plays a row again by what its folder holds, and compares every episode to the bit."""
 
-from collections.abc import Callable, Collection
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 import pyarrow as pa
 
 from experiments.benchmarking.playing import replay
 from experiments.benchmarking.protocol import piece_name
-from experiments.benchmarking.row import EPISODES, Piece, Row
+from experiments.benchmarking.row import EPISODES, FETCH, TABLE, Piece, Row, means_of
 from experiments.runs.executed_code import differing_parts
 from experiments.settings import RunFolderError
 from segar.errors import SuiteError
@@ -24,30 +25,51 @@ def verify(
 ) -> int:
     """Play the pieces of a row again; returns how many episodes are the same to the bit, which are all.
 
+    Pieces whose network or actions the folder lacks are left out, and ``say`` gets a line that names them. Where the folder has
+    the means of levels in place of episodes, means are compared.
+
     Args:
         suites, seeds: only these; all where they are empty.
 
     Raises:
         RunFolderError: an episode is another one, levels are others, or a suite is another version; the message names the
-            first.
+            first. Or the folder lacks the files of all pieces that are asked for.
     """
-    count, episodes = 0, row.episodes()
-    if episodes.schema != EPISODES:
+    count, episodes, has_means = 0, row.results(), TABLE in row.lacks
+    if not has_means and episodes.schema != EPISODES:
         raise RunFolderError(f"{row.folder}: the episodes have other columns than {', '.join(EPISODES.names)}")
     recorded = _parts(episodes)
-    chosen = [one for one in row.pieces if not suites or one.suite in suites]
-    for piece in (one for one in chosen if not seeds or one.seed in seeds):
+    chosen = [one for one in row.pieces if (not suites or one.suite in suites) and (not seeds or one.seed in seeds)]
+    here = [one for one in chosen if one.file not in row.lacks]
+    if left_out := _left_out(row, chosen):
+        if not here:
+            raise RunFolderError(left_out)
+        say(left_out)
+    for piece in here:
         of, stated = suite_of(row, piece), recorded.get((piece.suite, piece.seed))
         if stated is None:
             raise RunFolderError(f"{row.folder}: there are no episodes of {piece_name(piece.suite, piece.seed)}")
-        _require_same(row, piece, stated, replay(row.method, piece, of, row.folder))
-        count += len(stated)
-        say(f"{row.method.name}: {piece_name(piece.suite, piece.seed)}: {len(stated)} episodes are equal to the bit")
+        played = replay(row.method, piece, of, row.folder)
+        _require_same(row, piece, stated, means_of(played) if has_means else played)
+        count += len(played)
+        means = ", by their means on each level" if has_means else ""
+        say(
+            f"{row.method.name}: {piece_name(piece.suite, piece.seed)}: {len(played)} episodes are equal to the bit{means}"
+        )
     for name, seed in sorted({*recorded} - {(one.suite, one.seed) for one in row.pieces}):
         raise RunFolderError(
             f"{row.folder}: there are episodes of {piece_name(name, seed)}, which is no piece of the row"
         )
     return count
+
+
+def _left_out(row: Row, chosen: Sequence[Piece]) -> str:
+    """Of which seeds the folder lacks the files of how many suites, as a sentence; empty where it has all of them."""
+    asked, lacking = (
+        Counter(one.seed for one in pieces) for pieces in (chosen, [p for p in chosen if p.file in row.lacks])
+    )
+    seeds = ", ".join(f"seed {seed} on {number} of {asked[seed]} suites" for seed, number in sorted(lacking.items()))
+    return f"{row.method.name}: not in {row.folder} and not verified: {seeds}; {FETCH}" if seeds else ""
 
 
 def _parts(episodes: pa.Table) -> dict[tuple[str, int], pa.Table]:
@@ -77,7 +99,7 @@ def _require_same(row: Row, piece: Piece, stated: pa.Table, played: pa.Table) ->
     name = f"{row.method.name}: {piece_name(piece.suite, piece.seed)}"
     if len(stated) != len(played):
         raise RunFolderError(f"{name}: the row has {len(stated)} episodes, and {len(played)} were played")
-    for column in COMPARED:
+    for column in (one for one in COMPARED if one in stated.column_names):
         there, here = (np.asarray(table[column].combine_chunks()) for table in (stated, played))
         wrong = np.flatnonzero(there != here)
         if len(wrong):

@@ -1,5 +1,5 @@
 """The command ``segar``: levels, their distances and hardness, kernels, pictures, a game, pages, recordings, questions,
-citations."""
+suites, published results, citations."""
 
 import argparse
 import os
@@ -8,7 +8,20 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from segar.cli import cite, gallery, hardness, kernels, levels, play, playground, queries, record, studio, suites
+from segar.cli import (
+    cite,
+    gallery,
+    hardness,
+    kernels,
+    levels,
+    play,
+    playground,
+    queries,
+    record,
+    results,
+    studio,
+    suites,
+)
 from segar.cli.arguments import load_levels, table
 from segar.errors import SegarError
 from segar.support import __version__
@@ -56,6 +69,19 @@ def make_parser() -> argparse.ArgumentParser:
     parser = Parser("segar", description=__doc__)
     parser.add_argument("--version", action="version", version=f"segar {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
-    for module in (levels, hardness, kernels, gallery, play, playground, studio, record, queries, suites, cite):
+    for module in (
+        levels,
+        hardness,
+        kernels,
+        gallery,
+        play,
+        playground,
+        studio,
+        record,
+        queries,
+        suites,
+        results,
+        cite,
+    ):
         module.add_commands(commands)
     return parser

@@ -133,6 +133,7 @@ EXTRAS = {
     "datasets": ("minari", "h5py", "pyarrow"),
     "filters": ("safetensors",),
     "sb3": ("stable_baselines3",),
+    "results": ("pooch",),
     "studio": ("starlette", "uvicorn"),
     "train": ("yaml", "torch"),
 }

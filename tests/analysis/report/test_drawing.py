@@ -2,13 +2,9 @@
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from analysis.plotting import style
-from analysis.plotting.figures import PAGE_WIDTH
 from analysis.report.figures.drawing import mean_of_shares
 from analysis.stats.estimate import mean_of_replicates
-from experiments.settings import CHECKOUT
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -24,15 +20,3 @@ def test_the_interval_of_a_share_is_student_s_within_what_a_share_can_be(seed):
 def test_fewer_than_three_runs_have_a_mean_and_no_interval(values):
     found = mean_of_shares(values)
     assert found.estimate == np.mean(values) and np.isnan([found.low, found.high]).all()
-
-
-@pytest.mark.results
-@pytest.mark.parametrize(
-    "path",
-    sorted((CHECKOUT / "docs" / "results").glob("*/figures/*.png")),
-    ids=lambda path: f"{path.parts[-3]}-{path.stem}",
-)
-def test_shipped_figures_fit_on_a_page_in_letters_that_can_be_read(path):
-    with Image.open(path) as image:
-        width, height = (pixels / style.SETTINGS["savefig.dpi"] for pixels in image.size)
-    assert width <= PAGE_WIDTH + 0.01 and height <= 1.35 * PAGE_WIDTH

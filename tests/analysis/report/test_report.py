@@ -2,16 +2,16 @@
 
 import json
 import re
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
-from analysis.plotting.figures import new_figure
+from analysis.plotting import style
+from analysis.plotting.figures import PAGE_WIDTH, new_figure, save_figure
 from analysis.report.claims.evidence import Evidence
 from analysis.report.document.blocks import Paragraph, Picture, Table, pieces
 from analysis.report.document.pdf import CELLS, FONT, LEAST_SCALE, Sheet, is_cramped, scale_of, size_of, widths_of
@@ -39,20 +39,12 @@ def undrawn(monkeypatch):
     """Figures and bootstraps take seconds; some tests are not about them."""
     monkeypatch.setattr("analysis.report.claims.evidence.RESAMPLES", 100)
 
-    def touch(figure, path, suffixes):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for suffix in suffixes:
-            shutil.copy(SHIPPED / "quick" / "figures" / f"figure_3a{suffix}", path.with_suffix(suffix))
-        return [path.with_suffix(suffix) for suffix in suffixes]
-
-    monkeypatch.setattr("analysis.report.document.files.save_figure", touch)
+    monkeypatch.setattr("analysis.report.document.files.save_figure", stand_in)
 
 
-def copied(figure, path, suffixes):
-    """The shipped figure of ``path``'s name, standing for one that is drawn."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    files = [path.with_suffix(suffix) for suffix in suffixes]
-    return [Path(shutil.copy(SHIPPED / path.parents[1].name / "figures" / file.name, file)) for file in files]
+def stand_in(figure, path, suffixes):
+    """An empty figure in place of one whose drawing takes long."""
+    return save_figure(new_figure(1, 1), path, suffixes)
 
 
 # Drawing takes most of the time: of the larger scales, only the slow tests draw.
@@ -70,26 +62,26 @@ def again(request, tmp_path_factory):
     out = tmp_path_factory.mktemp("again") / shipped.name
     with pytest.MonkeyPatch.context() as patched:
         if not drawn:
-            patched.setattr("analysis.report.document.files.save_figure", copied)
+            patched.setattr("analysis.report.document.files.save_figure", stand_in)
         return shipped, make_report(ReportConfig(str(shipped), out=str(out)))
 
 
 def test_the_shipped_tables_give_the_shipped_numbers(again):
     shipped, made = again
     names = {str(path.relative_to(made.folder)) for path in made.files}
-    there = [path for folder in ("figures", "statistics") for path in (shipped / folder).iterdir()]
-    assert names == {"report.html", "report.pdf", "findings.md", "claims.csv"} | {
-        str(path.relative_to(shipped)) for path in there
+    there = {
+        str(path.relative_to(shipped)) for folder in ("figures", "statistics") for path in (shipped / folder).iterdir()
     }
-    for name in sorted(name for name in names if name.endswith(".csv")):
+    assert {name for name in names if name.endswith((".csv", ".md"))} == {"findings.md", "claims.csv", *there}
+    for name in sorted({"findings.md", "claims.csv", *there}):
         assert (made.folder / name).read_text() == (shipped / name).read_text(), name
 
 
-def test_the_shipped_tables_give_the_shipped_page(again):
-    shipped, made = again
-    page, expected = ((folder / "report.html").read_text() for folder in (made.folder, shipped))
-    assert PICTURE.sub("", page) == PICTURE.sub("", expected)
-    assert (made.folder / "findings.md").read_text() == (shipped / "findings.md").read_text()
+def test_figures_that_were_drawn_fit_on_a_page_in_letters_that_can_be_read(again):
+    for path in (again[1].folder / "figures").glob("*.png"):
+        with Image.open(path) as image:
+            width, height = (pixels / style.SETTINGS["savefig.dpi"] for pixels in image.size)
+        assert width <= PAGE_WIDTH + 0.01 and height <= 1.35 * PAGE_WIDTH, path.name
 
 
 def test_a_page_needs_nothing_else_and_names_no_place_of_this_machine(again):

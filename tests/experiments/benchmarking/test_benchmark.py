@@ -295,8 +295,13 @@ def test_shipped_rows_are_what_their_hashes_say_and_a_sample_plays_again_to_the_
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHIPPED_ROWS)
 def test_all_of_a_shipped_row_plays_again_to_the_bit(name):
+    said = []
     row = read_row(SHIPPED / name)
-    assert verify(row) == len(row.episodes())
+    assert verify(row, say=said.append) > 0
+    if row.lacks - {TABLE}:
+        assert "not verified: seed 1 on" in said[0] and "segar results fetch" in said[0]
+        with pytest.raises(RunFolderError, match="seed 2 on"):
+            verify(row, seeds=[2])
 
 
 @pytest.mark.results
@@ -316,7 +321,7 @@ def test_the_leaderboard_has_the_causes_that_the_library_finds(name):
 
 
 @pytest.mark.results
-@pytest.mark.parametrize(("name", "seed"), [("sight-mass-v1", 2)])
+@pytest.mark.parametrize(("name", "seed"), [("number-more-v1", 1)])
 def test_the_library_alone_gives_the_scores_of_the_leaderboard(name, seed):
     folder = SHIPPED / "ppo_fast-state-laptop"
     network = NetworkPolicy(Network.load(folder / f"{name}-s{seed}.npz"), unit_actions=True)
@@ -330,7 +335,7 @@ def test_the_library_alone_gives_the_scores_of_the_leaderboard(name, seed):
 @pytest.mark.results
 def test_shipped_rows_are_small_and_of_the_suites_that_there_are():
     rows = [read_row(SHIPPED / name) for name in SHIPPED_ROWS]
-    assert sum(path.stat().st_size for row in rows for path in row.folder.iterdir()) < 40e6
+    assert sum(path.stat().st_size for row in rows for path in row.folder.iterdir()) < 9e6
     assert all(suite(piece.suite).hash == piece.suite_hash for row in rows for piece in row.pieces)
     assert {*protocol.REFERENCES} <= {*SHIPPED_ROWS}
 

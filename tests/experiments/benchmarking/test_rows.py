@@ -7,7 +7,18 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from experiments.benchmarking.row import EPISODES, ROW, TABLE, Method, NewPiece, Piece, add_pieces, read_row, row_of
+from experiments.benchmarking.row import (
+    EPISODES,
+    MEANS,
+    ROW,
+    TABLE,
+    Method,
+    NewPiece,
+    Piece,
+    add_pieces,
+    read_row,
+    row_of,
+)
 from experiments.settings import RunFolderError
 
 METHOD = Method("mine", "networks", "a method", "laptop", 100, {"observation": {"name": "state", "options": {}}})
@@ -81,8 +92,30 @@ def test_files_that_are_missing_or_too_many_are_named(row):
     with pytest.raises(RunFolderError, match=r"the file more\.npz is not part of the row"):
         read_row(row.folder)
     (row.folder / "more.npz").unlink()
+    (row.folder / TABLE).unlink()
+    with pytest.raises(RunFolderError, match=rf"the file {TABLE} is not here; `segar results fetch`"):
+        read_row(row.folder)
+
+
+def test_a_row_without_some_of_its_files_stays_the_same_row_and_can_be_added_to(row, tmp_path):
     (row.folder / "a-v1-s2.npz").unlink()
-    with pytest.raises(RunFolderError, match=r"the file a-v1-s2\.npz is missing"):
+    there = read_row(row.folder)
+    assert there.hash == row.hash and there.lacks == {"a-v1-s2.npz"}
+    more = add_pieces(row.folder, METHOD, [piece_of(tmp_path / "new", seed=3)])
+    assert more.lacks == {"a-v1-s2.npz"} and more.files["a-v1-s2.npz"] == row.files["a-v1-s2.npz"]
+
+
+def test_of_levels_that_were_played_several_times_the_means_can_stand_for_the_episodes(tmp_path):
+    played = episodes_of("a-v1", 1, [0.5, 0.25])
+    again = dataclasses.replace(piece_of(tmp_path / "new"), episodes=pa.concat_tables([played, played]))
+    row = add_pieces(tmp_path / "rows" / "mine", METHOD, [again])
+    (row.folder / TABLE).unlink()
+    there = read_row(row.folder)
+    assert there.hash == row.hash and there.results()["return"].to_pylist() == [0.5, 0.25]
+    with pytest.raises(RunFolderError, match=f"{TABLE} is not here"):
+        there.episodes()
+    (row.folder / MEANS).write_bytes(b"other")
+    with pytest.raises(RunFolderError, match=f"{MEANS} is not what the row was made of"):
         read_row(row.folder)
 
 
