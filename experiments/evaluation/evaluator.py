@@ -44,7 +44,6 @@ from experiments.runs.run_folder import (
     write_rows,
 )
 from experiments.runs.trust import EVERYTHING
-from experiments.runs.versions import levels_hash
 from experiments.settings import (
     ConfigError,
     EvaluateConfig,
@@ -60,7 +59,7 @@ from segar.cli import table
 from segar.envs import VectorEnv, play
 from segar.errors import RuleError
 from segar.evaluation import QUANTITIES, Baselines, find_baselines
-from segar.levels import Levels
+from segar.levels import Levels, hash_of_levels
 from segar.policies import NETWORK_FILE, Network
 from segar.rendering import View, write_video
 from segar.suites import twins
@@ -103,7 +102,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
         )
     levels = find_levels(config, folder, trained)
     with_twins = suite_played(config, trained) if config.twins else None
-    code = {**played_code(played(config, trained)), "levels": levels_hash(levels)}
+    code = {**played_code(played(config, trained)), "levels": hash_of_levels(levels)}
     policy: Agent
     policy, frames = load_agent(folder, trained, levels, say, found)
     options, network = options_of(folder, trained, config.levels, config.split), None

@@ -25,10 +25,9 @@ from experiments.runs.run_folder import (
     of_another_agent,
     read_evaluation,
 )
-from experiments.runs.versions import levels_hash
 from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, as_data
 from experiments.settings.run import digest
-from segar.levels import Levels, mixed_levels
+from segar.levels import Levels, hash_of_levels, mixed_levels
 
 LEVELS = "levels.npz"  # in the folder of an evaluation: what was played
 
@@ -94,7 +93,7 @@ class Transfer:
             return played_code(dataclasses.replace(run, observation=self.observation))
         task = dataclasses.replace(run.task, name=task_name(run))
         there = dataclasses.replace(run, levels=self.levels_config(), task=task, observation=self.observation)
-        return {**played_code(there), "levels": levels_hash(self.levels(run))}
+        return {**played_code(there), "levels": hash_of_levels(self.levels(run))}
 
     def changed_parts(self, run: RunConfig, code: Mapping[str, str]) -> list[str]:
         """Names of the parts of ``code``, today's, that were others when this run's agent was tested so; none where it was not.
@@ -109,7 +108,7 @@ class Transfer:
             return differing_parts(before, code)
         if self.mixture is not None or not (folder / LEVELS).exists():
             return []
-        return [] if levels_hash(Levels.load(folder / LEVELS)) == code["levels"] else ["levels"]
+        return [] if hash_of_levels(Levels.load(folder / LEVELS)) == code["levels"] else ["levels"]
 
 
 @dataclass(frozen=True)

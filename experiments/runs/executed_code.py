@@ -21,11 +21,10 @@ from experiments.runs.own_files import file_digest, own_files
 from experiments.runs.own_modules import find_file, modules_named, modules_reached
 from experiments.runs.run_folder import VERSIONS, read_versions
 from experiments.runs.source_text import normalised
-from experiments.runs.versions import levels_hash
 from experiments.settings import RunConfig, UniformConfig, as_data, flat
 from segar.engine import generate
 from segar.envs import world_of
-from segar.levels import Levels
+from segar.levels import Levels, hash_of_levels
 
 CHOICE = "experiments.curricula.training_levels"  # what lets a curriculum choose
 # Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
@@ -116,7 +115,7 @@ def _played(config: RunConfig) -> dict[str, str]:
     train, test = (probed_levels(config, split) for split in ("train", "test"))
     parts = {
         "kernel": _digest([generate(train.layout, world_of(train), task.functions()).text.encode()]),
-        "levels": _digest([levels_hash(train).encode(), levels_hash(test).encode()]),
+        "levels": _digest([hash_of_levels(train).encode(), hash_of_levels(test).encode()]),
     }
     parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
     if "textures" in observation_seen(config).name:

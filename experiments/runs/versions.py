@@ -1,14 +1,10 @@
 """What a result was made with: Python, libraries, commit, the levels, and what decided the last bits."""
 
-import dataclasses
-import hashlib
 import platform
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 import segar
 from segar.support import installed_version
@@ -62,14 +58,3 @@ def git_commit(folder: Path) -> dict[str, Any] | None:
 def _git(folder: Path, *arguments: str) -> str:
     done = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True, check=True)
     return done.stdout.strip()
-
-
-def levels_hash(levels: Any) -> str:
-    """Sixteen hexadecimal digits over all arrays of a level set (:class:`segar.Levels`)."""
-    digest = hashlib.sha256()
-    for field in dataclasses.fields(levels):
-        array = getattr(levels, field.name)
-        if isinstance(array, np.ndarray):
-            digest.update(f"{field.name} {array.dtype} {array.shape}".encode())
-            digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:16]

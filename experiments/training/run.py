@@ -55,7 +55,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.runs.versions import computed_with, in_words, levels_hash, versions
+from experiments.runs.versions import computed_with, in_words, versions
 from experiments.settings import ConfigError, RunConfig, RunFolderError, TrainingError
 from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import Tracker, start_tracking
@@ -71,7 +71,7 @@ from experiments.training.unseen import (
 from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError, SegarError
-from segar.levels import Levels
+from segar.levels import Levels, hash_of_levels
 
 SHOWN = {  # figures of the closing lines, where there are such, and their names there
     "evaluation/train/return/deterministic": "return on training levels",
@@ -220,7 +220,7 @@ def _prepare(
         say(line)
     code = executed_code(config) if code is None else code
     training = Training(config, folder, learner, journal, signals, train, code, chosen)
-    hashes = {"train": levels_hash(train), "test": levels_hash(test)}
+    hashes = {"train": hash_of_levels(train), "test": hash_of_levels(test)}
     training.resume(hashes, say)
     train.save(folder / LEVELS_TRAIN)
     test.save(folder / LEVELS_TEST)

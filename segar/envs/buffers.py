@@ -10,7 +10,6 @@ import numpy as np
 from gymnasium.vector.utils import create_empty_array
 
 from segar.observations import Arrays, BoundObservation, leaves, map_leaves, own_arrays
-from segar.support import is_plain
 
 MAX_BUFFERS = 4  # observations whose memory is kept for use again
 SMALL = 1 << 16  # bytes of observations whose memory is not: the heap has it at hand
@@ -50,7 +49,7 @@ class Buffers:
 
     def _unheld(self, pool: list[ReusedArrays]) -> ReusedArrays:
         """Arrays of the pool that no caller holds, or new ones, which then belong to it."""
-        for arrays in pool if not is_plain() else ():
+        for arrays in pool:
             if not arrays.are_held():
                 return arrays
         pool[:] = [*pool[-(MAX_BUFFERS - 1) :], ReusedArrays(self._space, self._num_envs)]

@@ -1,5 +1,5 @@
 """Copying observations of any order in memory, and bytes within other kernels, by kernels that are faster than NumPy or than
-loops, and by their plain twins; and how all kernels of observations are compiled."""
+loops; and how all kernels of observations are compiled."""
 
 import sys
 from typing import Any
@@ -9,27 +9,8 @@ from numba import njit
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from segar.support import is_plain
-
-# The kernels allocate nothing, so numba's counting of references to arrays, which costs as much as drawing, is off. Compiled
-# code is kept for other processes, but not that of plain twins: numba would load either for the other.
-KERNEL_OPTIONS: dict[str, Any] = {"nogil": True, "cache": not is_plain(), "error_model": "numpy", "_nrt": False}
-
-
-@njit(**KERNEL_OPTIONS)
-def plain_copy_bytes(to, to_byte, source, source_byte, count):
-    """The plain twin of :func:`_copy_bytes`."""
-    target, origin = to.reshape(-1), source.reshape(-1)
-    for k in range(count):
-        target[to_byte + k] = origin[source_byte + k]
-
-
-@njit(**KERNEL_OPTIONS)
-def plain_clear_bytes(to, to_byte, count):
-    """The plain twin of :func:`_clear_bytes`."""
-    target = to.reshape(-1)
-    for k in range(count):
-        target[to_byte + k] = 0
+# The kernels allocate nothing, so numba's counting of references to arrays, which costs as much as drawing, is off.
+KERNEL_OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
 
 def _copy_bytes(typing_context: Any, to: Any, to_byte: Any, source: Any, source_byte: Any, count: Any) -> Any:
@@ -61,8 +42,8 @@ def _pointer(context: Any, builder: Any, kind: Any, array: Any, offset: Any) -> 
     return cgutils.pointer_add(builder, context.make_array(kind)(context, builder, array).data, offset)
 
 
-copy_bytes: Any = plain_copy_bytes if is_plain() else intrinsic(_copy_bytes)
-clear_bytes: Any = plain_clear_bytes if is_plain() else intrinsic(_clear_bytes)
+copy_bytes: Any = intrinsic(_copy_bytes)
+clear_bytes: Any = intrinsic(_clear_bytes)
 
 
 BYTE, TWO_BYTES, THREE_BYTES = np.uint32(8), np.uint32(16), np.uint32(24)  # [bits]
@@ -77,7 +58,7 @@ def copy_rows(source: np.ndarray, target: np.ndarray, rows: np.ndarray | None = 
     a contiguous ``target`` in half the time that numpy takes.
     """
     rows = np.arange(len(source)) if rows is None else rows
-    if _lies_in_planes(source) and target.flags.c_contiguous and not is_plain():
+    if _lies_in_planes(source) and target.flags.c_contiguous:
         num_envs, height, width, depth = source.shape
         planes = source.transpose(0, 3, 1, 2).reshape(num_envs, depth, height * width)
         size, word = next(((size, word) for size, word in WORDS if depth % size == 0), (1, np.uint8))
@@ -153,11 +134,7 @@ def copy_squares(frames: np.ndarray, target: np.ndarray, side: int) -> None:
             column, channel. Pixels beyond the last whole square are left out.
         side: of a square, in pixels.
     """
-    if is_plain():
-        n, rows, columns, _ = target.shape
-        squares = frames[:, : side * rows, : side * columns].reshape(n, rows, side, columns, side, -1)
-        target[:] = squares.transpose(0, 1, 3, 2, 4, 5).reshape(target.shape)
-    elif (side, frames.shape[3]) == (4, 3):
+    if (side, frames.shape[3]) == (4, 3):
         split_rgb(frames, target)
     else:
         split(frames, target, side)

@@ -53,7 +53,6 @@ from .npz import (
     open_npz as open_npz,
 )
 from .optimal_transport import emd as emd, plan_of as plan_of, pot as pot
-from .plain import is_plain as is_plain
 from .text_table import aligned as aligned
 from .threads import Team as Team
 from .version import __version__ as __version__

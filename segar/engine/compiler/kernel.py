@@ -24,10 +24,10 @@ from segar.engine.compiler.source import DECORATOR, ENTRY_DECORATOR, STATE, Sour
 from segar.engine.compiler.spec import Group
 from segar.engine.compiler.stages import StageWriter
 from segar.engine.compiler.task_functions import task_functions
-from segar.engine.runtime import device, device_contacts, gather, ledger, plain_ledger, plain_sheet, scratch, sheet
+from segar.engine.runtime import device, device_contacts, gather, ledger, scratch, sheet
 from segar.errors import RuleError
 from segar.language import ACT, FIND_RATES, SUB_STEP, Layout, Operation, Rule, Stage
-from segar.support import is_plain, keyed_uniform, mathematics
+from segar.support import keyed_uniform, mathematics
 
 THREAD_ARGUMENTS = ("ledger", "owns", "sheet")
 """How threads share the parts of a call, whether this thread owns the call, and where observations are written."""
@@ -77,20 +77,18 @@ class KernelSource:
 
 
 def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunctions) -> KernelSource:
-    """The kernel of a world on a layout; with plain twins if :func:`segar.support.is_plain`.
+    """The kernel of a world on a layout.
 
     Raises:
         RuleError: a rule or the task needs a parameter, an entity or a factor that the layout cannot serve.
         ConflictError: two rules always contradict each other.
     """
-    plain = is_plain()
-    builder = _Builder(layout, world, task, plain)
+    builder = _Builder(layout, world, task)
     functions = builder.functions()
-    shares, writes = (plain_ledger, plain_sheet) if plain else (ledger, sheet)
     imports = [
         import_line(gather, "gather_range"),
-        import_line(shares, "dismiss, finish_part, make_ledger, open_ledger, take_part"),
-        import_line(writes, "make_sheet, sheet_with, table_on"),
+        import_line(ledger, "dismiss, finish_part, make_ledger, open_ledger, take_part"),
+        import_line(sheet, "make_sheet, sheet_with, table_on"),
     ]
     return builder.module(imports, functions, entry_source(builder.environment("state_values[e]")))
 
@@ -106,7 +104,7 @@ def generate_range(
     Raises:
         RuleError, ConflictError: see :func:`generate`.
     """
-    builder = _Builder(layout, world, task, plain=False)
+    builder = _Builder(layout, world, task)
     functions = builder.functions()
     shape = len(layout.slots), layout.width
     length = builder.length_of_lists()
@@ -131,7 +129,6 @@ class _Builder:
     layout: Layout
     world: language.WorldRules
     task: language.TaskFunctions
-    plain: bool
     source: Source = field(init=False)
     rules: list[Rule] = field(init=False)
     list_length: int = field(init=False, default=0)
@@ -267,7 +264,7 @@ CONTACT_MOVES = {self._contacts_move()}
 
     def _writer(self, stage: Stage) -> StageWriter:
         rules = [(self.rules.index(rule), rule) for rule in stage.rules(self.world, self.task)]
-        return StageWriter(self.source.matcher, stage, rules, self.world.may_meet, self.plain)
+        return StageWriter(self.source.matcher, stage, rules, self.world.may_meet)
 
     def _move(self, stage: Stage) -> str:
         with self.source.function(stage_call(stage), inline=True) as w:

@@ -26,8 +26,6 @@ class SparsePairs:
         tree: the rule's tree.
         list_at: source of the list's begin in ``L``.
         name: suffix of the local names that hold how many partners are listed, and how many are quiet.
-        plain: whether every target meets all of its partners, without a list. Sums are taken in the same order, first over
-            the partners that are not quiet and then over those that are.
     """
 
     application: Application
@@ -38,12 +36,9 @@ class SparsePairs:
     tree: Tree
     list_at: str
     name: str
-    plain: bool
 
     def write_list(self, w: Writer) -> None:
         """List the partners, before any target changes."""
-        if self.plain:
-            return
         w.line(f"listed_{self.name} = quiet_{self.name} = 0")
         w.groups = {"j": self.partners}
         with (
@@ -72,9 +67,6 @@ class SparsePairs:
             sums: local names, and the values that one quiet partner adds to them.
             quiet_matters: whether quiet partners have effects that count.
         """
-        if self.plain:
-            self._write_all(w, target, apply)
-            return
         with w.block(f"for n in range(listed_{self.name}):"):
             w.line(f"j = L[{self.list_at} + n]")
             with condition(w, "i != j" if share(self.partners, target) else ""):
@@ -92,15 +84,6 @@ class SparsePairs:
     def rest(self) -> Tree:
         """The rule's tree without its quiet leaf."""
         return _replace_leaves(self.tree, lambda leaf: Leaf() if leaf is self.leaf else leaf)
-
-    def _write_all(self, w: Writer, target: Group, apply: Callable[[Tree], None]) -> None:
-        """Write two loops over all partners."""
-        test = both("i != j" if share(self.partners, target) else "", match_test("j", self.mask))
-        quiet_tree = _replace_leaves(self.tree, lambda leaf: leaf if leaf is self.leaf else Leaf())
-        for tree in (self.rest, quiet_tree):
-            with over_group(w, self.partners, "j"), condition(w, test):
-                w.groups = {"i": target, "j": self.partners}
-                apply(tree)
 
     def _write_count(self, w: Writer, target: Group) -> None:
         """Put the number of quiet partners of ``i`` in ``quiet``."""
@@ -131,12 +114,11 @@ class SparsePairs:
 
 
 def find_sparse_pairs(
-    plain: bool, application: Application, partners: Group, mask: int, list_at: int, number: int
+    application: Application, partners: Group, mask: int, list_at: int, number: int
 ) -> SparsePairs | None:
     """The sparse pairs of a pair rule, or None where no path is quiet or there are few partners.
 
     Args:
-        plain: see :class:`SparsePairs`.
         mask: bits that a partner must have.
         list_at: how many entries of ``L`` behind ``NEAR_AT`` earlier lists of the stage take.
         number: of the pair rule in the stage, for the names of its variables.
@@ -149,7 +131,7 @@ def find_sparse_pairs(
         return None
     quiet, leaf = path
     places = f"NEAR_AT + {list_at}", f"{number}_{partners.slots[0]}"
-    return SparsePairs(application, partners, mask, quiet, leaf, tree, *places, plain)
+    return SparsePairs(application, partners, mask, quiet, leaf, tree, *places)
 
 
 def _quiet_path(tree: Tree) -> tuple[tuple[tuple[Symbol, bool], ...], Leaf] | None:

@@ -55,7 +55,6 @@ class StageWriter:
             Position to ``U`` and leaves the state as it is.
         rules: the rules of the stage with their numbers in the kernel.
         may_meet: whether two rules hold in some level together.
-        plain: loop over all partners of pair rules.
     """
 
     def __init__(
@@ -64,7 +63,6 @@ class StageWriter:
         stage: Stage,
         rules: list[tuple[int, Rule]],
         may_meet: MayMeet = lambda one, other: True,
-        plain: bool = False,
     ) -> None:
         self.matcher, self.counts, self.may_meet = matcher, stage.counts, may_meet
         self.finds_rates = stage.operation is language.Operation.FIND_RATES
@@ -74,7 +72,7 @@ class StageWriter:
         self.groups = self._indistinct_groups(self.applications)
         self.shared = read_across(matcher, self.groups, self.applications)
         self.list_length = 0
-        self.pairs = {} if self.finds_rates else self._find_sparse_pairs(plain)
+        self.pairs = {} if self.finds_rates else self._find_sparse_pairs()
 
     @property
     def target_groups(self) -> list[Group]:
@@ -124,7 +122,7 @@ class StageWriter:
 
         return self.matcher.merge(key)
 
-    def _find_sparse_pairs(self, plain: bool) -> dict[Application, list[tuple[Group, SparsePairs | None]]]:
+    def _find_sparse_pairs(self) -> dict[Application, list[tuple[Group, SparsePairs | None]]]:
         """Pair rules to which most partners are alike: their groups of partners, and how to write the pairs of these."""
         found: dict[Application, list[tuple[Group, SparsePairs | None]]] = {}
         for a in self.applications:
@@ -134,7 +132,7 @@ class StageWriter:
             for other in self._indistinct_groups([a]):
                 mask = self.matcher.match(other, a.rule.needs[1 - a.target])
                 if mask is not None:
-                    pairs = find_sparse_pairs(plain, a, other, mask, self.list_length, len(found))
+                    pairs = find_sparse_pairs(a, other, mask, self.list_length, len(found))
                     self.list_length += len(other.slots) if pairs is not None else 0
                     partners.append((other, pairs))
             if any(pairs is not None for _, pairs in partners):

@@ -3,7 +3,7 @@
 A ``ledger`` is int64 ``(LEDGER_LENGTH,)``. It holds how many parts are taken, how many are done, how many there are, and
 whether the other threads should leave. The owner of a call opens the ledger. The owner and the workers that are in the
 kernel take parts until none is left, and the owner returns when all of them are done. A worker that comes late finds no
-part and costs nothing. The plain twin is :mod:`segar.engine.runtime.plain_ledger`.
+part and costs nothing.
 """
 
 # pyright: reportCallIssue=false

@@ -1,8 +1,7 @@
 """The sheet: how a kernel finds the table that it writes observations to, by the table's address in memory.
 
 Each step has a new table, and threads that wait inside a kernel hold the arguments of an earlier call. They therefore
-hold a sheet, int64 ``(1,)``, in which the owner of the call writes the address of the present table. The plain twin is
-:mod:`segar.engine.runtime.plain_sheet`.
+hold a sheet, int64 ``(1,)``, in which the owner of the call writes the address of the present table.
 """
 
 # pyright: reportCallIssue=false

@@ -19,7 +19,6 @@ from segar.observations.composed.multi import make_observation
 from segar.observations.composed.past_on_targets import DRAWN, StackArrays
 from segar.observations.copying import copy_rows
 from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation, calls_of
-from segar.support import is_plain
 
 TAPE = 64  # steps until the frames have to be moved
 CHUNK = 64  # environments whose frames are copied while they are in the processor's cache
@@ -50,17 +49,6 @@ class FrameTape:
     def _read_from(self, first: int) -> None:
         self._first = first
         self.stacks = self._tape[first : first + self._shape[0] * self._shape[1]].reshape(self._shape)
-
-
-class PlainFrameTape:
-    """The plain twin of :class:`FrameTape`: each step moves all frames by one place."""
-
-    def __init__(self, num_envs: int, n: int, frame: tuple[int, ...], dtype: np.dtype) -> None:
-        self.stacks = np.zeros((num_envs, n, *frame), dtype)
-
-    def advance(self) -> None:
-        """Make each frame one older. The newest frames are to be written."""
-        self.stacks[:, :-1] = self.stacks[:, 1:].copy()
 
 
 @dataclass(frozen=True)
@@ -141,8 +129,7 @@ class BoundStack(BoundComposed):
         self.space = gymnasium.spaces.Box(low, high, dtype=box.dtype)  # type: ignore[arg-type]
         shape = edges[0].shape
         self._turned = axis == 2  # the axis that is joined lies first in memory, and last in the observation
-        tape = PlainFrameTape if is_plain() else FrameTape
-        self._tape = tape(num_envs, n, (shape[2], *shape[:2]) if self._turned else shape, box.dtype)
+        self._tape = FrameTape(num_envs, n, (shape[2], *shape[:2]) if self._turned else shape, box.dtype)
         self._fresh = np.ones(num_envs, np.bool_)
         self.kept = self._view_of_stacks()
 

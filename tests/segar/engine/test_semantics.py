@@ -39,6 +39,7 @@ from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter, keyed_uniform
 from segar.rules import DEFAULT_RULES, consume, move
 from segar.rules.world import World
+from segar.support import keyed_uniform as compiled_uniform
 from tests.segar.engine.worlds import after, read
 
 pytestmark = pytest.mark.parametrize("engine", ["interpreter", "source"])
@@ -401,3 +402,12 @@ def test_keyed_numbers_are_those_of_version_0_1_0(engine):
     keys = [(0, 0, 0, (0,)), (1, 0, 0, (0,)), (0, 1, 0, (0,)), (0, 0, 1, (0,)), (0, 0, 0, (1, 2, 3))]
     stored = [0.20310281705476096, 0.039922651441566814, 0.3891968432269929, 0.507910028376233, 0.5264441259812085]
     assert [keyed_uniform(*key) for key in keys] == stored
+
+
+def test_random_numbers_of_kernels_are_those_of_plain_integers(engine):
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        key, tick, site = rng.integers(2**64, dtype=np.uint64), rng.integers(10**6), rng.integers(10**5)
+        slots = [int(s) for s in rng.integers(2**15, size=3)]
+        plain = keyed_uniform(int(key), int(tick), int(site), tuple(slots))
+        assert compiled_uniform(key, tick, site, *slots) == plain

@@ -11,7 +11,7 @@ import torch
 
 import segar
 from segar.envs import VectorEnv
-from segar.envs.buffers import MAX_BUFFERS, Buffers
+from segar.envs.buffers import MAX_BUFFERS
 from segar.observations import Pixels, Stack, leaves
 
 NUM_ENVS = 8  # their frames are large enough for memory to be used again, their states are not
@@ -117,24 +117,6 @@ def test_final_observations_of_a_dict_belong_to_their_names_without_copies_too()
         expected, found = copied.step(action)[-1], overwritten.step(action)[-1]
     for name in observation:
         np.testing.assert_array_equal(found["final_obs"][name], expected["final_obs"][name])
-
-
-def test_the_plain_twin_gives_the_same_arrays_from_fresh_memory(monkeypatch):
-    def trail() -> list[np.ndarray]:
-        env = VectorEnv(LEVELS, NUM_ENVS, observation={"b": "rgb", "a": "state"}, seed=0, max_steps=5)
-        found = [a.copy() for a in leaves(env.reset()[0])]
-        for k in range(12):
-            observations, *_, info = env.step(np.full((NUM_ENVS, 2), 0.1 * k, np.float32))
-            found += [a.copy() for a in (*leaves(observations), *leaves(info.get("final_obs", ())))]
-        return found
-
-    clever = trail()
-    monkeypatch.setattr("segar.envs.buffers.is_plain", lambda: True)
-    assert all(np.array_equal(a, b) for a, b in zip(clever, trail(), strict=True))
-    env = VectorEnv(LEVELS, NUM_ENVS, observation="rgb", seed=0)
-    buffers = Buffers(NUM_ENVS, True, env.observation)
-    places = [array.__array_interface__["data"][0] for array in [buffers.output(), buffers.output()]]
-    assert places[0] != places[1]
 
 
 @pytest.mark.parametrize(

@@ -1,58 +1,60 @@
-"""Observations of any order of memory are copied whole, and nothing else is touched."""
+"""What is copied by a kernel is what NumPy copies."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from numba import njit
 
-from segar.observations.copying import copy_rows, copy_squares
-
-ENVS = 12
-SETS = {"all": None, "a run": np.arange(3, 9), "any": np.array([7, 0, 3]), "mixed ends": np.array([2, 9, 4, 5]),
-        "none": np.arange(0)}  # fmt: skip
-
-
-def in_planes(frames: np.ndarray) -> np.ndarray:
-    """Equal frames whose channels lie in planes."""
-    return np.ascontiguousarray(frames.transpose(0, 3, 1, 2)).transpose(0, 2, 3, 1)
+from segar.observations import copying
+from segar.observations.composed.stack import FrameTape
+from segar.observations.copying import KERNEL_OPTIONS, clear_bytes, copy_bytes
 
 
-@pytest.mark.parametrize("depth", [1, 2, 3, 4, 6, 8, 9, 12, 16])
-@pytest.mark.parametrize("rows", SETS.values(), ids=SETS)
-@pytest.mark.parametrize(("from_planes", "to_planes"), [(True, False), (False, True), (True, True), (False, False)])
-def test_frames_are_copied_between_all_orders_of_memory(depth, rows, from_planes, to_planes):
-    frames = np.random.default_rng(depth).integers(0, 256, (ENVS, 36, 40, depth), dtype=np.uint8)
-    target = np.full_like(frames, 7)
-    expected = target.copy()
-    chosen = slice(None) if rows is None else rows
-    expected[chosen] = frames[chosen]
-    target = in_planes(target) if to_planes else target
-    copy_rows(in_planes(frames) if from_planes else frames, target, rows)
-    np.testing.assert_array_equal(target, expected)
+@njit(**{**KERNEL_OPTIONS, "cache": False})
+def copy_and_clear(target, source, spans):
+    for k in range(len(spans)):
+        copy_bytes(target, spans[k, 0], source, spans[k, 1], spans[k, 2])
+        clear_bytes(target, spans[k, 3], spans[k, 4])
 
 
-def test_frames_in_planes_with_gaps_between_them_are_copied():
-    tape = np.random.default_rng(0).integers(0, 256, (ENVS, 7, 8, 8), dtype=np.uint8)
-    window = tape[:, 2:6].transpose(0, 2, 3, 1)
-    target = np.zeros(window.shape, np.uint8)
-    copy_rows(window, target)
-    np.testing.assert_array_equal(target, window)
+def test_bytes_are_copied_and_cleared_as_numpy_does_it():
+    rng = np.random.default_rng(0)
+    source, spans = rng.integers(0, 256, (7, 5, 40), dtype=np.uint8), rng.integers(0, 40, (300, 5))
+    spans[:, [0, 1, 3]] *= 30
+    copied, expected = np.full((4, 350), 9, np.uint8), np.full(4 * 350, 9, np.uint8)
+    copy_and_clear(copied, source, spans)
+    for to, first, count, cleared, length in spans:
+        expected[to : to + count] = source.ravel()[first : first + count]
+        expected[cleared : cleared + length] = 0
+    np.testing.assert_array_equal(copied.ravel(), expected)
+    assert len(np.unique(copied)) > 100
 
 
-def test_what_is_no_frame_is_copied():
-    numbers, target = np.random.default_rng(0).normal(size=(ENVS, 5)), np.zeros((ENVS, 5))
-    copy_rows(numbers, target, np.array([1, 4]))
-    np.testing.assert_array_equal(target[[1, 4]], numbers[[1, 4]])
-    assert not np.delete(target, [1, 4], 0).any()
+@pytest.mark.parametrize("depth", [2, 3, 6, 8])
+def test_planes_are_copied_as_numpy_does_it(depth):
+    frames = np.random.default_rng(depth).integers(0, 256, (5, depth, 12, 16), dtype=np.uint8).transpose(0, 2, 3, 1)
+    copied, expected, rows = np.zeros(frames.shape, np.uint8), np.zeros(frames.shape, np.uint8), np.array([3, 0, 4])
+    copying.copy_rows(frames, copied, rows)
+    expected[rows] = frames[rows]
+    np.testing.assert_array_equal(copied, expected)
 
 
 @pytest.mark.parametrize(("shape", "side"), [((3, 64, 64, 3), 4), ((2, 9, 13, 2), 4), ((2, 12, 9, 3), 3)])
-@pytest.mark.parametrize("planes", [False, True])
-def test_squares_hold_the_pixels_of_their_place(shape, side, planes):
+def test_squares_are_cut_as_numpy_does_it(shape, side):
     frames = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
-    n, height, width, channels = shape
-    target = np.zeros((n, height // side, width // side, side * side * channels), np.uint8)
-    copy_squares(in_planes(frames) if planes else frames, target, side)
-    for i, row, column in np.ndindex(target.shape[:-1]):
-        square = frames[i, row * side : (row + 1) * side, column * side : (column + 1) * side]
-        np.testing.assert_array_equal(target[i, row, column], square.ravel())
+    n, rows, columns = shape[0], shape[1] // side, shape[2] // side
+    copied = np.zeros((n, rows, columns, side * side * shape[3]), np.uint8)
+    copying.copy_squares(frames, copied, side)
+    squares = frames[:, : side * rows, : side * columns].reshape(n, rows, side, columns, side, -1)
+    np.testing.assert_array_equal(copied, squares.transpose(0, 1, 3, 2, 4, 5).reshape(copied.shape))
+
+
+def test_a_tape_holds_the_last_frames(monkeypatch):
+    monkeypatch.setattr("segar.observations.composed.stack.TAPE", 5)
+    tape, frames = FrameTape(4, 3, (2, 3), np.dtype(float)), [np.zeros((4, 2, 3))] * 3
+    for k in range(40):
+        frames = [*frames[1:], np.random.default_rng(k).normal(size=(4, 2, 3))]
+        tape.advance()
+        tape.stacks[:, -1] = frames[-1]
+        np.testing.assert_array_equal(tape.stacks, np.stack(frames, axis=1))
