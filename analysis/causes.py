@@ -5,9 +5,6 @@ and a bar for each group of factors: what the success gains where this group alo
 between training and test; grey ones are controls, whose bars show chance.
 """
 
-import argparse
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
 
@@ -20,6 +17,7 @@ from analysis.plotting import style
 from analysis.plotting.figures import METADATA, new_figure, save_figure
 from analysis.stats.estimate import mean_of_replicates
 from analysis.tables import column, select
+from experiments.commands.command_line import run_from_command_line
 from segar.errors import SegarError
 
 CAUSES = "causes.csv"  # as experiments.evaluation.causes writes it
@@ -129,26 +127,22 @@ def _draw(axes: Axes, part: pd.DataFrame, figure: str, title: str) -> None:
     axes.set_title(f"{title}{f', {runs} runs' if runs > 1 else ''}", loc="left")
 
 
-def main(arguments: Sequence[str]) -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m analysis.causes", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folders", nargs="+", metavar="FOLDERS", help="folders below which evaluations lie")
-    parser.add_argument(
-        "-o", "--output", default="causes.png", help="the figure: .png, .pdf or .svg (default: causes.png)"
-    )
-    parser.add_argument("--figure", choices=FIGURES, default="effect", help="what the bars show (default: effect)")
-    parser.add_argument("--mode", default="deterministic", help="the action mode that counts (default: deterministic)")
-    chosen = parser.parse_args(arguments)
-    try:
-        causes = read_causes(*chosen.folders)
-        causes_plot(causes, chosen.output, chosen.figure, chosen.mode)
-    except SegarError as error:
-        sys.exit(f"error: {error}")
-    print(profile_of_causes(causes, chosen.mode).to_string(index=False))
-    print(Path(chosen.output).expanduser().resolve())
+def main(*folders: str, output: str = "causes.png", figure: str = "effect", mode: str = "deterministic") -> None:
+    """The command line: draws the evaluations below these folders, and prints the file and the profile.
+
+    Args:
+        output, figure, mode: of :func:`causes_plot`.
+
+    Raises:
+        SegarError: no folder is named, or as :func:`read_causes` and :func:`causes_plot`.
+    """
+    if not folders:
+        raise SegarError("name folders below which evaluations lie: python -m analysis.causes FOLDER")
+    causes = read_causes(*folders)
+    causes_plot(causes, output, figure, mode)
+    print(profile_of_causes(causes, mode).to_string(index=False))
+    print(Path(output).expanduser().resolve())
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_from_command_line(main)

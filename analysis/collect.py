@@ -27,7 +27,7 @@ from analysis.collected_rows import OWN, curve_rows, level_rows, probe_rows, run
 from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
 from analysis.runs import shared_levels, training_sets
 from analysis.tables import column, select, write_csv
-from experiments.commands.hydra_app import run_simple_command
+from experiments.commands.command_line import run_from_command_line
 from experiments.reproduction.experiment_file import PLAN, STUDY
 from experiments.reproduction.grid import run_columns, varied_columns
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
@@ -341,4 +341,4 @@ def pairs(table: pd.DataFrame, a: str, b: str) -> Iterable[tuple[str, str]]:
 
 
 if __name__ == "__main__":
-    run_simple_command(collect, CollectConfig, __doc__)
+    run_from_command_line(collect, CollectConfig)

@@ -6,11 +6,8 @@ interval over level sets. Where runs have several pairs of training and test dis
 of them. A warning says where the runs were made by different code, or where level sets share levels.
 """
 
-import argparse
 import dataclasses
-import sys
 import textwrap
-from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
 
@@ -39,6 +36,7 @@ from analysis.stats.correlation import NotAvailable, correlate, indicators
 from analysis.stats.estimate import Estimate
 from analysis.stats.resampling import cluster_jackknife, no_interval
 from analysis.tables import Floats, column, count_of, pick, select
+from experiments.commands.command_line import run_from_command_line
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.runs.run_rows import code_warning, run_rows, seen_warning
 from segar.errors import SegarError
@@ -276,29 +274,25 @@ def _in_words(found: Estimate) -> str:
     return f"{found.estimate:+.2f}, 95 % [{found.low:+.2f}, {found.high:+.2f}] over level sets"
 
 
-def main(arguments: Sequence[str]) -> None:
-    """The command line; prints the file and the correlations."""
-    parser = argparse.ArgumentParser(
-        prog="python -m analysis.gap_plot", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("runs", nargs="*", metavar="RUNS", help="folders of runs, or run folders")
-    parser.add_argument("-o", "--output", default="gap.png", help="the figure: .png, .pdf or .svg (default: gap.png)")
-    parser.add_argument(
-        "--x", default="w2", help="the column at the bottom (default: w2, which is exact W2, in one unit for all)"
-    )
-    parser.add_argument("--y", default="gap", help="the column at the left (default: gap)")
-    parser.add_argument("--group", help="the column that colours show (default: one that varies)")
-    parser.add_argument("--sweep", help="only the runs with this tracking.sweep")
-    parser.add_argument("--cells", action="store_true", help="means over seeds instead of single runs")
-    chosen = parser.parse_args(arguments)
-    try:
-        runs = read_runs(*chosen.runs, sweep=chosen.sweep)
-        figure = gap_plot(runs, chosen.x, chosen.y, chosen.group, chosen.output, chosen.cells)
-    except SegarError as error:
-        sys.exit(f"error: {error}")
+def main(
+    *runs: str,
+    output: str = "gap.png",
+    x: str = "w2",
+    y: str = "gap",
+    group: str | None = None,
+    sweep: str | None = None,
+    cells: bool = False,
+) -> None:
+    """The command line: draws the runs below these folders, and prints the file and the correlations.
+
+    Args:
+        output, x, y, group, cells: of :func:`gap_plot`.
+        sweep: only the runs with this ``tracking.sweep``.
+    """
+    figure = gap_plot(read_runs(*runs, sweep=sweep), x, y, group, output, cells)
     print(figure.axes[0].get_title(loc="left"))
-    print(Path(chosen.output).expanduser().resolve())
+    print(Path(output).expanduser().resolve())
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_from_command_line(main)

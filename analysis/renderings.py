@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from analysis.plotting import style
-from analysis.studies.command import run_from_command_line
+from experiments.commands.command_line import run_from_command_line
 from experiments.runs.files import replacing
 from segar.language import (
     Ball,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-
 from benchmarks.drawing import drawing
 from benchmarks.environments import environments, resets, single, startup
 from benchmarks.frameworks import frameworks
@@ -14,6 +12,8 @@ from benchmarks.rule_sets import rule_sets
 from benchmarks.scaling import bodies, threads
 from benchmarks.targets import targets
 from benchmarks.yardsticks import against_pymunk, handwritten
+from experiments.commands.command_line import run_from_command_line
+from experiments.settings import require_known
 
 REPEATS = 7
 PARTS = {
@@ -34,14 +34,12 @@ PARTS = {
 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser("python -m benchmarks", description=__doc__)
-    parser.add_argument("--repeats", type=int, default=REPEATS, help="measure each number this often")
-    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS), metavar="part", help=", ".join(PARTS))
-    chosen = parser.parse_args()
-    legend = "M/s: million environment steps per core-second"
-    print_parts(legend, [PARTS[part] for part in chosen.only], chosen.repeats)
+def main(repeats: int = REPEATS, only: tuple[str, ...] = tuple(PARTS)) -> None:
+    """Measure each number of some parts ``repeats`` times."""
+    for part in only:
+        require_known("only", part, list(PARTS))
+    print_parts("M/s: million environment steps per core-second", [PARTS[part] for part in only], repeats)
 
 
 if __name__ == "__main__":
-    main()
+    run_from_command_line(main)

@@ -7,12 +7,13 @@ processor's time counts, which other processes disturb less than the wall clock.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterator
 from functools import partial
 
 from benchmarks.measure import Row, print_parts
+from experiments.commands.command_line import run_from_command_line
+from experiments.settings import require_known
 
 ROUNDS = 7
 ITERATIONS = 25  # of a block, in which one line is logged
@@ -73,13 +74,12 @@ def cost(name: str, rounds: int) -> Iterator[Row]:
     yield Row(name, losses, "%", at_most=BAR, note=f"{sorted(rates)[len(rates) // 2]:,.0f} frames per core-second")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser("python -m benchmarks.curricula", description=__doc__)
-    parser.add_argument("--rounds", type=int, default=ROUNDS, help="A B B A, this often")
-    parser.add_argument("--only", nargs="+", choices=COMPARED, default=list(COMPARED), metavar="curriculum")
-    chosen = parser.parse_args()
-    print_parts("%: of the frames per second", [partial(cost, name) for name in chosen.only], chosen.rounds)
+def main(rounds: int = ROUNDS, only: tuple[str, ...] = tuple(COMPARED)) -> None:
+    """Measure what some curricula cost: A B B A, ``rounds`` times."""
+    for name in only:
+        require_known("only", name, list(COMPARED))
+    print_parts("%: of the frames per second", [partial(cost, name) for name in only], rounds)
 
 
 if __name__ == "__main__":
-    main()
+    run_from_command_line(main)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import math
 import time
@@ -16,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from benchmarks.measure import Row, in_turns
+from experiments.commands.command_line import run_from_command_line
 from segar.support import mathematics
 
 NUMBERS = 4096  # arguments of a measurement
@@ -130,21 +130,19 @@ def errors(name: str, functions: list[Any], arguments: list[np.ndarray]) -> np.n
     return np.abs(found)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser("python -m benchmarks.mathematics", description=__doc__)
-    parser.add_argument("-n", type=int, default=ARGUMENTS, help="arguments of each function")
-    chosen = parser.parse_args()
+def main(n: int = ARGUMENTS) -> None:
+    """Write the table of the errors of each function, from ``n`` arguments."""
     with TABLE.open("w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(["function", "arguments", "largest", "mean", "largest_of_libm", "mean_of_libm"])
         for name in RANGES:
-            arguments = samples(name, chosen.n, np.random.default_rng(1))
+            arguments = samples(name, n, np.random.default_rng(1))
             found = errors(name, [getattr(mathematics, name), library(name)], arguments)
             numbers = [f"{f(row):.3f}" for row in found for f in (np.nanmax, np.nanmean)]
-            table.writerow([name, chosen.n, *numbers])
+            table.writerow([name, n, *numbers])
             file.flush()
             print(name, *numbers, flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    run_from_command_line(main)

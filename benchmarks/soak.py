@@ -13,7 +13,6 @@ default rules both are faults.
 
 from __future__ import annotations
 
-import argparse
 import faulthandler
 import re
 import sys
@@ -26,6 +25,7 @@ import numpy as np
 from benchmarks.measure import load, machine
 from benchmarks.soak_checks import Checks
 from benchmarks.soak_worlds import Case, cases, make_case
+from experiments.commands.command_line import run_from_command_line
 from segar.engine.simulator import State, StepResult
 from segar.errors import ConflictError, RuleError
 from segar.levels.level_set import Levels
@@ -87,13 +87,9 @@ replay     times that the interpreter was asked about one of these two; what it 
 """
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser("python -m benchmarks.soak", description=__doc__.split("\n")[0])  # type: ignore[union-attr]
-    parser.add_argument("--steps", type=int, default=10_000_000, help="environment steps over all worlds together")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", default="", metavar="text", help="only worlds whose name contains this")
-    chosen = parser.parse_args()
-    return soak(chosen.steps, chosen.seed, chosen.only)
+def main(steps: int = 10_000_000, seed: int = 0, only: str = "") -> None:
+    """Play ``steps`` environment steps over all worlds whose name contains ``only``; exit with 1 if a fault is found."""
+    sys.exit(soak(steps, seed, only))
 
 
 def soak(steps: int, seed: int = 0, only: str = "") -> int:
@@ -272,4 +268,4 @@ class _Run:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_from_command_line(main)

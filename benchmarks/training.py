@@ -6,7 +6,6 @@ a process of its own, as a training run is. Medians are over iterations, which s
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import subprocess
@@ -15,6 +14,8 @@ import time
 from collections.abc import Iterator, Sequence
 
 from benchmarks.measure import Row, print_parts
+from experiments.commands.command_line import run_from_command_line
+from experiments.settings import require_known
 
 ITERATIONS = 12
 WARM = 2  # iterations that do not count
@@ -64,8 +65,10 @@ def per_core(found: dict) -> str:
 
 def train_side_by_side(runs: Sequence[Sequence[str]], iterations: int) -> list[dict]:
     """What :func:`train` says of each run, all of them at the same time in processes of their own."""
-    command = [sys.executable, "-m", "benchmarks.training", "--run", str(iterations)]
-    started = [subprocess.Popen([*command, *run], stdout=subprocess.PIPE, text=True) for run in runs]
+    command = [sys.executable, "-m", "benchmarks.training", f"iterations={iterations}"]
+    started = [
+        subprocess.Popen([*command, f"run={json.dumps([*run])}"], stdout=subprocess.PIPE, text=True) for run in runs
+    ]
     said = [process.communicate()[0] for process in started]
     return [json.loads(one.splitlines()[-1]) for one in said]
 
@@ -113,19 +116,15 @@ def train(overrides: Sequence[str], iterations: int) -> dict[str, list[float]]:
     return found
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser("python -m benchmarks.training", description=__doc__)
-    parser.add_argument("--iterations", type=int, default=ITERATIONS, help="of each run")
-    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS), metavar="part", help=", ".join(PARTS))
-    parser.add_argument(
-        "--run", nargs="+", metavar=("iterations", "setting"), help="one run, which says its times as JSON"
-    )
-    chosen = parser.parse_args()
-    if chosen.run:
-        print(json.dumps(train(chosen.run[1:], int(chosen.run[0]))))
-        return
-    print_parts("f/s: frames per second", [PARTS[part] for part in chosen.only], chosen.iterations)
+def main(iterations: int = ITERATIONS, only: tuple[str, ...] = tuple(PARTS), run: tuple[str, ...] = ()) -> None:
+    """Measure some parts, each run for so many iterations; or make one run with settings ``run``, and print its times."""
+    for part in only:
+        require_known("only", part, list(PARTS))
+    if run:
+        print(json.dumps(train(run, iterations)))
+    else:
+        print_parts("f/s: frames per second", [PARTS[part] for part in only], iterations)
 
 
 if __name__ == "__main__":
-    main()
+    run_from_command_line(main)

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.commands.hydra_app import run_simple_command
+from experiments.commands.command_line import run_from_command_line
 from experiments.runs.run_folder import root_folder
 from experiments.settings import TrackingConfig, TrackingError, require
 from experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
@@ -96,4 +96,4 @@ def require_free(port: int) -> None:
 
 
 if __name__ == "__main__":
-    run_simple_command(serve, DashboardConfig, __doc__)
+    run_from_command_line(serve, DashboardConfig)

@@ -7,7 +7,7 @@ says ``train`` or ``test``: the run's own levels. What comes of it lies in ``eva
 
 from pathlib import Path
 
-from experiments.commands.hydra_app import run_simple_command
+from experiments.commands.command_line import run_from_command_line
 from experiments.commands.kernels import choose_kernels
 from experiments.runs.run_folder import read_config
 from experiments.runs.trust import EVERYTHING
@@ -24,4 +24,4 @@ def evaluate(config: EvaluateConfig) -> None:
 
 
 if __name__ == "__main__":
-    run_simple_command(evaluate, EvaluateConfig, __doc__)
+    run_from_command_line(evaluate, EvaluateConfig, __doc__)

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from experiments.commands.hydra_app import run_simple_command
+from experiments.commands.command_line import run_from_command_line
 from experiments.reproduction.plugin import SUMMARIES, find_plugin
 from experiments.runs.files import replacing, write_text
 from experiments.runs.run_folder import RESULTS, root_folder
@@ -160,4 +160,4 @@ def _cell(value: Any) -> str:
 
 
 if __name__ == "__main__":
-    run_simple_command(results, ResultsConfig, __doc__)
+    run_from_command_line(results, ResultsConfig)

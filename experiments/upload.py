@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.commands.hydra_app import run_simple_command
+from experiments.commands.command_line import run_from_command_line
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import METRICS, lock, read_config, read_metrics, root_folder, run_folders
 from experiments.settings import RunFolderError, TrackingError
@@ -78,4 +78,4 @@ def upload_run(folder: Path, uri: str | None = None) -> str:
 
 
 if __name__ == "__main__":
-    run_simple_command(upload, UploadConfig, __doc__)
+    run_from_command_line(upload, UploadConfig)

@@ -7,7 +7,7 @@ of a folder.
 """
 
 from analysis.report.make import ReportConfig, main
-from experiments.commands.hydra_app import run_simple_command
+from experiments.commands.command_line import run_from_command_line
 
 if __name__ == "__main__":
-    run_simple_command(main, ReportConfig, __doc__)
+    run_from_command_line(main, ReportConfig, __doc__)

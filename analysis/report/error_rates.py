@@ -28,9 +28,9 @@ from analysis.stats.association import labels
 from analysis.stats.correlation import residuals
 from analysis.stats.estimate import Estimate
 from analysis.stats.resampling import cluster_jackknife
-from analysis.studies.command import run_from_command_line
 from analysis.studies.training_sets import COUNTS, FAMILIES, FIRST_SEED, TEST_LEVELS, TEST_SEED
 from analysis.tables import column, write_csv
+from experiments.commands.command_line import run_from_command_line
 from segar.levels import DIFFICULTIES, family
 from segar.metrics import w2
 

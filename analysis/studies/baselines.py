@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.studies.command import run_from_command_line
 from analysis.tables import write_csv
+from experiments.commands.command_line import run_from_command_line
 from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import play_episodes
 from segar.hardness import Hardness, hardness

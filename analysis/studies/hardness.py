@@ -12,8 +12,8 @@ from typing import Any
 import pandas as pd
 
 from analysis.studies.baselines import hardness_of
-from analysis.studies.command import run_from_command_line
 from analysis.tables import write_csv
+from experiments.commands.command_line import run_from_command_line
 from experiments.levels.conditions import CONDITIONS, conditional_puttputt
 from experiments.levels.variations import vary
 from segar.levels import family

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
-from analysis.studies.command import run_from_command_line
 from analysis.tables import write_csv
+from experiments.commands.command_line import run_from_command_line
 from segar.language import Factor, GoalTile, GolfBall, Position
 from segar.levels import Levels, family
 from segar.metrics import ks_by_factor, spread, w2

@@ -5,15 +5,14 @@ distance between dynamics to the test levels' rule sets, with its standard error
 of two sets dealt at random from both. Of large training sets the first 300 levels count.
 """
 
-from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from analysis.studies.command import run_from_command_line
 from analysis.tables import write_csv
+from experiments.commands.command_line import run_from_command_line
 from experiments.levels.builders import make_levels
 from experiments.levels.rule_sets import situations_of
 from experiments.settings import LevelsConfig
@@ -32,7 +31,7 @@ def run(
     difficulty: str = "medium",
     count: int = 10_000,
     seeds: int = 10,
-    designs: Sequence[str] = DESIGNS,
+    designs: tuple[str, ...] = DESIGNS,
     variation: str = "rule_space",
     test_variation: str = "rule_space_unseen",
     levels: int = TEST_LEVELS,

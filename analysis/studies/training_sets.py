@@ -15,8 +15,8 @@ import numpy as np
 import ot
 import pandas as pd
 
-from analysis.studies.command import run_from_command_line
 from analysis.tables import write_csv
+from experiments.commands.command_line import run_from_command_line
 from experiments.levels.builders import pick_levels
 from experiments.settings import LevelsConfig
 from segar.errors import LevelError
@@ -34,11 +34,11 @@ UNMATCHED = "unmatched"  # the part of entities without counterpart: another typ
 
 def run(
     output: Path = Path("training_sets"),
-    families: Sequence[str] = FAMILIES,
-    difficulties: Sequence[str] = DIFFICULTIES,
-    counts: Sequence[int] = COUNTS,
+    families: tuple[str, ...] = FAMILIES,
+    difficulties: tuple[str, ...] = DIFFICULTIES,
+    counts: tuple[int, ...] = COUNTS,
     seeds: int = 6,
-    designs: Sequence[str] = ("iid",),
+    designs: tuple[str, ...] = ("iid",),
     levels: int = TEST_LEVELS,
 ) -> None:
     """Writes ``training_sets.csv`` into the folder ``output``."""

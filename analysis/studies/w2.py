@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 
 from analysis.stats.correlation import NotAvailable, explained, indicators
-from analysis.studies.command import run_from_command_line
 from analysis.tables import column, select, write_csv
+from experiments.commands.command_line import run_from_command_line
 from segar.levels import family
 from segar.metrics import ks, w2
 

@@ -1,6 +1,5 @@
 """How commands start: Hydra on ``conf/``, whatever the working directory, and errors as one message each."""
 
-import dataclasses
 import os
 import select
 import signal
@@ -17,8 +16,6 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from experiments.commands.config_store import conf_dir, register_settings
 from experiments.commands.overrides import (
@@ -30,7 +27,7 @@ from experiments.commands.overrides import (
     without_passwords,
 )
 from experiments.commands.signals import Stopped
-from experiments.settings import ConfigError, RunConfig, construct, import_object, run_config
+from experiments.settings import ConfigError, RunConfig, import_object, run_config
 from segar.errors import SegarError
 
 
@@ -124,44 +121,6 @@ def check_own_objects(config: DictConfig) -> None:
         name = OmegaConf.select(config, place)
         if isinstance(name, str) and ":" in name:
             import_object(name, place)
-
-
-@ends_with_its_reader()
-def run_simple_command(task: Callable[[Any], Any], settings: type, about: str | None) -> None:
-    """Runs ``task`` with a dataclass of ``settings`` that the command line states as ``name=value``, values as in YAML.
-
-    For commands that have no groups of settings and no sweeps. Exits with 1 and one message where a user can mend it.
-    """
-    arguments = sys.argv[1:]
-    if {"-h", "--help"} & {*arguments}:
-        print(simple_help(settings, about or ""))
-        return
-    try:
-        with errors_as_messages():
-            task(construct(settings, parse_settings(arguments), ""))
-    except KeyboardInterrupt:
-        sys.exit(128 + signal.SIGINT)
-
-
-def simple_help(settings: type, about: str) -> str:
-    """What a command takes: the names and defaults of its settings."""
-    fields = dataclasses.fields(settings)
-    notes = ("required" if f.default is dataclasses.MISSING else f"default: {f.default}" for f in fields)
-    return "\n".join([about.strip(), "", *(f"  {f.name}=...  ({note})" for f, note in zip(fields, notes, strict=True))])
-
-
-def parse_settings(arguments: Sequence[str]) -> dict[str, Any]:
-    """Names and values of ``name=value``; raises :class:`ConfigError` for anything else."""
-    data: dict[str, Any] = {}
-    for argument in arguments:
-        name, equals, value = argument.partition("=")
-        if not equals or not name.isidentifier():
-            raise ConfigError(f"'{argument}' is no setting; settings are given as name=value")
-        try:
-            data |= to_plain(OmegaConf.from_cli([argument]))
-        except (YAMLError, OmegaConfBaseException) as error:
-            raise ConfigError(f"{name}: '{value}' cannot be read: {error}") from error
-    return data
 
 
 def compose(overrides: Sequence[str] = (), config_name: str = "config") -> RunConfig:

@@ -4,6 +4,7 @@ import dataclasses
 import types
 import typing
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
 from experiments.settings.algorithms import NAMES_OF_CLASS, algorithm_class
@@ -116,6 +117,8 @@ def _convert(value: Any, hint: Any, path: str) -> Any:
         return int(value)  # YAML reads 5e5 as a float
     if hint in (str, bool) and isinstance(value, hint):
         return value
+    if hint is Path and isinstance(value, str):
+        return Path(value)
     raise ConfigError(f"{path}: {value!r} is not {_in_words(hint)}")
 
 
@@ -131,5 +134,5 @@ def _in_words(hint: Any) -> str:
         return ", or ".join(_in_words(one) for one in arguments if one is not type(None))
     if origin is typing.Literal:
         return " or ".join(map(str, arguments))
-    names = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+    names = {int: "a whole number", float: "a number", str: "text", bool: "true or false", Path: "a place"}
     return names.get(hint, "a group of settings")

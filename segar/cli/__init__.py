@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
 
 from segar.cli import (
     cite,
@@ -24,18 +23,10 @@ from segar.cli import (
 )
 from segar.cli.arguments import load_levels, table
 from segar.errors import SegarError
-from segar.support import __version__
+from segar.support import USAGE_ERROR, Parser, __version__
 
-USAGE_ERROR = 2  # exit status of what is not known or makes no sense, as argparse has it
 FAILURE = 1  # exit status where the machine refuses
 INTERRUPTED = 128 + signal.SIGINT  # exit status after Ctrl-C, as shells have it
-
-
-class Parser(argparse.ArgumentParser):
-    """argparse's parser, of which a refusal is one line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(USAGE_ERROR, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

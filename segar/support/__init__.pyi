@@ -1,4 +1,5 @@
 from . import mathematics as mathematics
+from .command_line import USAGE_ERROR as USAGE_ERROR, Parser as Parser
 from .compiled import cached as cached, keep_beside as keep_beside
 from .counter_kernel import (
     GOLDEN as GOLDEN,

@@ -276,17 +276,17 @@ def test_the_title_of_the_plot_lies_inside_the_picture(cells, near_and_far):
 
 
 def test_the_command_writes_the_figure_and_says_what_is_left_out(folder, tmp_path, capsys):
-    main([str(folder), "-o", str(tmp_path / "gap.svg"), "--x", "ks", "--y", "success_test", "--group", "count"])
+    main(str(folder), output=str(tmp_path / "gap.svg"), x="ks", y="success_test", group="count")
     said = capsys.readouterr().out
     assert said.startswith("4 runs on 2 level sets") and "1 without these figures left out" in said
     assert (tmp_path / "gap.svg").read_text().startswith("<?xml")
 
 
 def test_what_cannot_be_plotted_is_an_error_that_names_it(folder, tmp_path):
-    with pytest.raises(SystemExit, match=r"error: '.*gap.gif' ends in none of .png, .pdf, .svg"):
-        main([str(folder), "-o", str(tmp_path / "gap.gif")])
-    with pytest.raises(SystemExit, match="error: there is no folder"):
-        main([str(tmp_path / "nowhere")])
+    with pytest.raises(SegarError, match=r"'.*gap.gif' ends in none of .png, .pdf, .svg"):
+        main(str(folder), output=str(tmp_path / "gap.gif"))
+    with pytest.raises(SegarError, match="there is no folder"):
+        main(str(tmp_path / "nowhere"))
     with pytest.raises(SegarError, match="run has 36 values, and 7 colours can be told apart"):
         gap_plot(table(), group="run")
     with pytest.raises(SegarError, match=r"no column 'famly'. Settings that colours can show: levels.train"):

@@ -1,14 +1,10 @@
 """Studies without training: what they leave is what the library says, and hangs together."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.studies import illustrations
 from analysis.studies.baselines import players
-from analysis.studies.command import run_from_command_line
 from analysis.studies.hardness import hardness_with
 from analysis.studies.illustrations import KS_COUNTS, densities, ks_curves, matching
 
@@ -56,20 +52,3 @@ def test_the_matching_gives_w2():
     table = pd.DataFrame(matching())
     assert sorted(table["train_level"]) == sorted(table["test_level"]) == list(range(len(table)))
     assert np.sqrt((table["distance"] ** 2).mean()) == pytest.approx(table["w2"].iloc[0])
-
-
-def test_the_command_line_has_an_option_for_each_argument(monkeypatch, tmp_path, capsys):
-    asked = []
-
-    def run(output: Path = Path("here"), levels: int = 100) -> None:
-        asked.append((output, levels))
-
-    monkeypatch.setattr("sys.argv", ["study", "-o", str(tmp_path), "--levels", "3"])
-    run_from_command_line(run)
-    monkeypatch.setattr("sys.argv", ["study"])
-    run_from_command_line(run)
-    assert asked == [(tmp_path, 3), (Path("here"), 100)]
-    monkeypatch.setattr("sys.argv", ["study", "--help"])
-    with pytest.raises(SystemExit):
-        run_from_command_line(illustrations.run)
-    assert "python -m analysis.studies.illustrations" in capsys.readouterr().out

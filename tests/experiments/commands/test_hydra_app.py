@@ -14,7 +14,6 @@ from experiments.commands.hydra_app import (
     compose,
     compose_data,
     initialized,
-    parse_settings,
     to_plain,
 )
 from experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
@@ -213,20 +212,6 @@ def test_a_search_path_is_added_to_the_one_that_is_stated():
 def test_settings_are_read_without_torch(module):
     code = f"import sys, {module}; assert 'torch' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT).returncode == 0
-
-
-def test_a_command_without_groups_reads_values_as_yaml():
-    assert parse_settings(["n=1e3", "modes=[a,b]", "out=null", "scores=false"]) == {
-        "n": 1000.0, "modes": ["a", "b"], "out": None, "scores": False,
-    }  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("argument", "says"), [("n", "'n' is no setting"), ("n=[1", r"n: '\[1' cannot be read"), ("a.b=1", "no setting")]
-)
-def test_a_command_without_groups_tells_what_it_cannot_read(argument, says):
-    with pytest.raises(ConfigError, match=says):
-        parse_settings([argument])
 
 
 def test_an_error_does_not_change_what_hydra_prints_elsewhere(monkeypatch):

@@ -15,7 +15,7 @@ import pytest
 
 import segar
 from experiments.algorithms.checkpoint import read_checkpoint
-from experiments.commands.hydra_app import run_simple_command
+from experiments.commands.command_line import run_from_command_line
 from experiments.evaluation.episodes import evaluate_run
 from experiments.evaluation.evaluator import choose_levels, evaluate, label, load_agent, mean_returns
 from experiments.runs.run_folder import CHECKPOINT, LEVELS_TRAIN, PREVIOUS, read_config, read_episodes, read_summary
@@ -271,7 +271,7 @@ def test_a_folder_that_holds_no_run_or_no_weights_is_refused(tmp_path, trained):
 def test_the_command_tells_mistakes_in_one_message(monkeypatch, arguments, says):
     monkeypatch.setattr(sys, "argv", ["evaluate", *arguments])
     with pytest.raises(SystemExit) as told:
-        run_simple_command(pytest.fail, EvaluateConfig, "")
+        run_from_command_line(pytest.fail, EvaluateConfig, "")
     assert str(told.value.code).startswith(says)
 
 
@@ -323,9 +323,9 @@ def test_a_module_that_imports_what_is_not_there_is_told_by_the_name_of_that(mov
 
 def test_help_names_all_settings(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["evaluate", "--help"])
-    run_simple_command(pytest.fail, EvaluateConfig, "What it is for.")
+    run_from_command_line(pytest.fail, EvaluateConfig, "What it is for.")
     said = capsys.readouterr().out
-    assert said.startswith("What it is for.") and "run=...  (required)" in said and "split=...  (default: test)" in said
+    assert said.startswith("What it is for.") and "--run VALUE" in said and "default: test" in said
 
 
 def test_the_command_plays_and_prints_a_table(trained, tmp_path):

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.commands.hydra_app import compose, parse_settings
+from experiments.commands.command_line import parse_settings
+from experiments.commands.hydra_app import compose
 from experiments.reproduce import ReproduceConfig, dashboard, reproduce
 from experiments.reproduction.plan import StudyTask
 from experiments.reproduction.plugin import REPORTS, STUDIES

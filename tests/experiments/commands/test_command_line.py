@@ -1,0 +1,98 @@
+"""Command lines that are not Hydra's: what they state, and how they refuse."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from experiments.commands.command_line import parse_settings, run_from_command_line
+from experiments.settings import ConfigError
+
+
+@pytest.fixture
+def call(monkeypatch):
+    """Calls a function with the arguments of a command line."""
+
+    def call(function, *arguments):
+        monkeypatch.setattr(sys, "argv", ["command", *arguments])
+        run_from_command_line(function)
+
+    return call
+
+
+def recorder():
+    """A function with arguments of several kinds, and the list of its calls."""
+    calls = []
+
+    def run(
+        *runs: str,
+        output: Path = Path("here"),
+        levels: int = 100,
+        only: tuple[str, ...] = ("a", "b"),
+        cells: bool = False,
+    ) -> None:
+        calls.append((runs, output, levels, only, cells))
+
+    return run, calls
+
+
+@pytest.mark.parametrize(
+    ("arguments", "called"),
+    [
+        ([], ((), Path("here"), 100, ("a", "b"), False)),
+        (["x", "-o", "there", "y", "--levels", "3"], (("x", "y"), Path("there"), 3, ("a", "b"), False)),
+        (["output=there", "levels=1e3", "x"], (("x",), Path("there"), 1000, ("a", "b"), False)),
+        (["x", "--cells"], (("x",), Path("here"), 100, ("a", "b"), True)),
+        (["cells=true", "only=[c]"], ((), Path("here"), 100, ("c",), True)),
+        (["--only", "c", "d", "--levels=3"], ((), Path("here"), 3, ("c", "d"), False)),
+        (["only=c"], ((), Path("here"), 100, ("c",), False)),
+    ],
+)
+def test_each_argument_of_a_function_is_an_option(call, arguments, called):
+    run, calls = recorder()
+    call(run, *arguments)
+    assert calls == [called]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--level", "3"], "no setting is called 'level'. Did you mean 'levels'?"),
+        (["levels=many"], "levels: 'many' is not a whole number"),
+        (["cells=3"], "cells: 3 is not true or false"),
+    ],
+)
+def test_mistakes_are_told_in_one_message(call, arguments, says):
+    with pytest.raises(SystemExit) as told:
+        call(recorder()[0], *arguments)
+    assert told.value.code == f"error: {says}"
+
+
+def test_a_function_without_further_arguments_takes_none(call):
+    def run(levels: int = 3) -> None:
+        pytest.fail(str(levels))
+
+    with pytest.raises(SystemExit, match="'here' is no setting; settings are given as name=value"):
+        call(run, "here")
+
+
+def test_help_names_the_command_and_its_options():
+    command = [sys.executable, "-m", "analysis.studies.w2", "--help"]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert "usage: python -m analysis.studies.w2" in said and "W2 of n training levels to 100 test levels" in said
+    assert "--seeds VALUE" in said and "default: 5" in said and "-o VALUE, --output VALUE" in said
+
+
+def test_values_are_read_as_yaml():
+    assert parse_settings(["n=1e3", "modes=[a,b]", "out=null", "scores=false"]) == {
+        "n": 1000.0, "modes": ["a", "b"], "out": None, "scores": False,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("argument", "says"), [("n", "'n' is no setting"), ("n=[1", r"n: '\[1' cannot be read"), ("a.b=1", "no setting")]
+)
+def test_what_cannot_be_read_is_named(argument, says):
+    with pytest.raises(ConfigError, match=says):
+        parse_settings([argument])
