@@ -230,39 +230,6 @@ def upper_bound(evidence: Evidence) -> Drawn | str:
     return Drawn(figure, table)
 
 
-def appendix_measures(evidence: Evidence) -> Drawn | str:
-    """The appendix's illustrations of KS and of W2."""
-    study = evidence.results.studies.get("appendix_measures", {})
-    if not {"ks", "w2"} <= set(study):
-        return "it was not run (`experiments=[appendix_measures]`)"
-    ks, w2 = study["ks"], study["w2"]
-    figure = new_figure(9.4, 4.1)
-    left, right = figure.subplots(1, 2)
-    for n, colour in zip(sorted(set(ks["n"])), style.PALETTE, strict=False):
-        part = select(ks, n=n)
-        left.step(column(part, "x"), column(part, "sample"), color=colour, where="post",
-                  label=f"{n} levels, KS = {part['ks'].iloc[0]:.2f}")  # fmt: skip
-    left.plot(column(part, "x"), column(part, "law"), color="#000000", linestyle="--", label="law")
-    left.set_xlabel("x of the ball")
-    left.set_ylabel("distribution function")
-    left.legend(fontsize=8.5)
-    for row in w2.to_dict("records"):
-        right.plot([row["train_golfball_x"], row["test_golfball_x"]], [row["train_golfball_y"], row["test_golfball_y"]],
-                   color="#999999", linewidth=0.9, zorder=1)  # fmt: skip
-    for k, levels in enumerate(("train", "test")):
-        right.scatter(column(w2, f"{levels}_golfball_x"), column(w2, f"{levels}_golfball_y"), color=style.PALETTE[k],
-                      marker=style.MARKERS[k], s=32, label=f"{levels} levels", zorder=2)  # fmt: skip
-    right.set_aspect("equal")
-    for axes in (left, right):
-        axes.locator_params(nbins=5)
-    right.set_xlabel("x of the ball")
-    right.set_ylabel("y of the ball")
-    right.set_title(f"W2 = {w2['w2'].iloc[0]:.2f}: goals count, too", loc="left", fontsize=9.5)
-    right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8.5)
-    table = pd.concat([ks.assign(shows="ks"), w2.assign(shows="w2")], ignore_index=True)
-    return Drawn(figure, table)
-
-
 def w2_study(evidence: Evidence) -> Drawn | str:
     """W2 against the number of levels, without training, with the means of 2022."""
     study = evidence.results.studies.get("w2_study", {})

@@ -1,12 +1,9 @@
 """Studies without training: what they leave is what the library says, and hangs together."""
 
-import numpy as np
 import pandas as pd
-import pytest
 
 from analysis.studies.baselines import players
 from analysis.studies.hardness import hardness_with
-from analysis.studies.illustrations import KS_COUNTS, densities, ks_curves, matching
 
 
 def test_the_planner_is_no_worse_than_the_script_and_better_than_chance():
@@ -30,25 +27,3 @@ def test_a_slow_arrival_is_hard_for_chance_and_not_for_the_planner():
     row = hardness_with(1, 2)
     assert row["random_success"] < 0.2 < row["oracle_success"] == 1.0
     assert row["random_low"] <= row["random_success"] <= row["random_high"]
-
-
-def test_densities_integrate_to_one():
-    table = pd.DataFrame(densities())
-    mass = (table["density"] * (table["high"] - table["low"])).groupby([table["panel"], table["factor"]]).sum()
-    assert len(mass) == 12
-    np.testing.assert_allclose(mass, 1.0)
-
-
-def test_the_statistic_is_the_largest_difference_of_the_curves():
-    table = pd.DataFrame(ks_curves())
-    for n in KS_COUNTS:
-        part = table[table["n"] == n]
-        seen = (part["sample"] - part["law"]).abs().max()
-        assert seen <= part["ks"].iloc[0] + 1e-9
-        assert seen == pytest.approx(part["ks"].iloc[0], abs=0.02)  # the curves are drawn on a grid
-
-
-def test_the_matching_gives_w2():
-    table = pd.DataFrame(matching())
-    assert sorted(table["train_level"]) == sorted(table["test_level"]) == list(range(len(table)))
-    assert np.sqrt((table["distance"] ** 2).mean()) == pytest.approx(table["w2"].iloc[0])
