@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -59,6 +59,10 @@ class Plan:
 
     def __len__(self) -> int:
         return len(self.steps)
+
+    def __getitem__(self, rows: np.ndarray) -> Plan:
+        """The plans of some of the levels, by an array of indices or truth values."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in PLAN_ARRAYS})
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write to ``path`` (npz without pickle); levels are not in the file.

@@ -66,6 +66,7 @@ from .layout import (
     SingleResults as SingleResults,
     Slot as Slot,
     holds as holds,
+    matches as matches,
     name_slots as name_slots,
     require_own_names as require_own_names,
 )

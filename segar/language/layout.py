@@ -17,6 +17,7 @@ from segar.language.entities import Entity, entity_name
 from segar.language.factors import Factor
 from segar.language.parameters import BUILT_IN_PARAMETERS, Parameter
 from segar.language.pickling import packed, unpacked
+from segar.language.signature import Pattern
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,12 @@ def holds(entity: type[Entity], factor: type[Factor]) -> type[Factor] | None:
     if factor in entity.declared:
         return factor
     return next((f for f in entity.declared if issubclass(f, factor)), None)
+
+
+def matches(entity: type[Entity], pattern: Pattern) -> bool:
+    """Whether entities of this type have what the pattern asks for."""
+    is_kind = pattern.entity_type is None or issubclass(entity, pattern.entity_type)
+    return is_kind and all(holds(entity, factor) is not None for factor in pattern.factors)
 
 
 def _address(cls: type) -> str:

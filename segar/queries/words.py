@@ -21,7 +21,7 @@ from segar.language import (
     Parameter,
     Rule,
     Task,
-    holds,
+    matches,
 )
 from segar.levels import Levels, active_options, rules_in_words
 from segar.rules import (
@@ -135,7 +135,7 @@ def rules_of(level: Levels) -> list[str]:
     types = [level.layout.types[k] for k in level.types[0].tolist() if k >= 0]
     rules = [rule for rule in (*world.rules, *world.on_contact) if rule.active is None]
     rules += [rule for rule in (world.limit, world.wall_contact, world.pair_contact) if rule is not None]
-    concern = [r for r in rules if all(any(_matches(t, p) for t in types) for p in r.needs)]
+    concern = [r for r in rules if all(any(matches(t, p) for t in types) for p in r.needs)]
     found = [text for rule in concern if (text := rule_in_words(rule))]
     if world.wall_contact is None:
         found.append("A wall stops what touches it.")
@@ -261,8 +261,3 @@ def _outline(level: Levels, slot: int) -> str:
         return ""
     corners = level.vertices[0, slot, : level.vertex_count[0, slot]]
     return f", a polygon with corners at {', '.join(map(vector, corners))} m from its Position"
-
-
-def _matches(kind: type, pattern: Any) -> bool:
-    is_kind = pattern.entity_type is None or issubclass(kind, pattern.entity_type)
-    return is_kind and all(holds(kind, factor) is not None for factor in pattern.factors)

@@ -5,30 +5,12 @@ import keyword
 from functools import cache
 from typing import Any
 
-import numpy as np
-
-from segar.errors import FactorError, RuleError
-from segar.language import Parameter
+from segar.errors import RuleError
+from segar.language import Flag, Parameter
 
 
-class Activity(Parameter):
+class Activity(Flag, Parameter):
     """Whether an option of a rule space is active in a level: 1 or 0."""
-
-    kind_of_number = "0 or 1"
-
-    @classmethod
-    def is_possible(cls, values: np.ndarray) -> np.ndarray:
-        return (values == 0.0) | (values == 1.0)
-
-    @classmethod
-    def possible_values(cls) -> str:
-        return cls.kind_of_number
-
-    @classmethod
-    def check(cls, value: Any) -> float:
-        if isinstance(value, (bool, np.bool_)) or value in (0, 1):
-            return float(value)
-        raise FactorError(f"{cls.__name__} takes True or False, not {value!r}")
 
 
 class _Made(type):

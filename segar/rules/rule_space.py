@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import RuleError, did_you_mean
-from segar.language import Entity, Parameter, Pattern, Rule, as_rule, holds
+from segar.language import Entity, Parameter, Rule, as_rule, matches
 from segar.noise import (
     Bernoulli,
     Choice,
@@ -276,7 +276,7 @@ class RuleSpace:
         for option in self.options:
             for one in (*option.rules, *option.on_contact):
                 for pattern in one.needs:
-                    if not any(_matches(kind, pattern) for kind in types):
+                    if not any(matches(kind, pattern) for kind in types):
                         named = ", ".join(f.__name__ for f in pattern.factors)
                         named = named if pattern.entity_type is None else pattern.entity_type.__name__
                         raise RuleError(
@@ -303,11 +303,6 @@ class RuleSpace:
 
     def __repr__(self) -> str:
         return f"<rule space of {len(self.options)} options, {len(self.combinations)} combinations>"
-
-
-def _matches(kind: type[Entity], pattern: Pattern) -> bool:
-    is_kind = pattern.entity_type is None or issubclass(kind, pattern.entity_type)
-    return is_kind and all(holds(kind, factor) is not None for factor in pattern.factors)
 
 
 def _listed(given: Any) -> Sequence[Any]:

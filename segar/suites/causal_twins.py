@@ -15,6 +15,7 @@ from segar.hardness import PLAN_ARRAYS, Plan, plan, replay
 from segar.language import Position
 from segar.levels import (
     ENTITIES,
+    LEVEL_ARRAYS,
     Levels,
     drawn_mechanisms,
     hash_of_levels,
@@ -189,7 +190,7 @@ def _groups(suite: Suite) -> dict[str, tuple[tuple[str, ...], bool]]:
 
 def _first(one: Twin, count: int) -> Twin:
     """The twins of the first test levels."""
-    plans = _rows(one.plans, np.arange(count))
+    plans = one.plans[np.arange(count)]
     return dataclasses.replace(one, levels=one.levels[:count], found=one.found[:count], plans=plans)
 
 
@@ -207,7 +208,7 @@ def _twin(suite: Suite, group: str, names: tuple[str, ...], differs: bool, seed:
     n = len(levels)
     found, left = np.zeros(n, np.bool_), np.arange(n)
     made: Levels | None = None
-    plans = _rows(suite.plans, np.arange(n))
+    plans = suite.plans
     for _ in range(MOST_TRIES):
         taken, given = donors.next_for(levels[left])
         left = left[taken]  # no more entities of these types come
@@ -221,7 +222,7 @@ def _twin(suite: Suite, group: str, names: tuple[str, ...], differs: bool, seed:
             made = _like(levels, tried) if made is None else made
             if len(solved):
                 made = _put(made, rows[solved], tried[solved])
-                plans = _joined(plans, rows[solved], _rows(certified, solved))
+                plans = _joined(plans, rows[solved], certified[solved])
                 found[rows[solved]] = True
         left = left[~found[left]]
         if not len(left):
@@ -276,19 +277,12 @@ def _certified(levels: Levels, suite: Suite, rng: np.random.Generator) -> Plan:
     return best
 
 
-def _rows(plans: Plan, rows: np.ndarray) -> Plan:
-    return dataclasses.replace(plans, **{name: getattr(plans, name)[rows] for name in PLAN_ARRAYS})
-
-
 def _joined(plans: Plan, rows: np.ndarray, others: Plan) -> Plan:
     """The plans with those of ``others`` in these rows."""
     arrays = {name: getattr(plans, name).copy() for name in PLAN_ARRAYS}
     for name, array in arrays.items():
         array[rows] = getattr(others, name)
     return dataclasses.replace(plans, **arrays, rollouts=plans.rollouts + others.rollouts)
-
-
-_ARRAYS = ("types", "values", "sampled_values", "shape_kind", "vertex_count", "vertices", "parameters")
 
 
 def _like(levels: Levels, twins: Levels) -> Levels:
@@ -301,7 +295,7 @@ def _like(levels: Levels, twins: Levels) -> Levels:
 
 def _put(levels: Levels, rows: np.ndarray, twins: Levels) -> Levels:
     """The levels with the twins in these rows."""
-    arrays = {name: getattr(levels, name).copy() for name in _ARRAYS}
+    arrays = {name: getattr(levels, name).copy() for name in LEVEL_ARRAYS}
     for name, array in arrays.items():
         array[rows] = getattr(twins, name)
     return dataclasses.replace(levels, **arrays)

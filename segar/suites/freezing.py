@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from segar.envs import VectorEnv, play
 from segar.errors import SuiteError
-from segar.hardness import PLAN_ARRAYS, Plan, make_starts, plan, random_episodes, replay
+from segar.evaluation import idle_player, play_episodes
+from segar.hardness import Plan, make_starts, plan, random_episodes, replay
 from segar.language import Factor, Task
 from segar.levels import LevelDistribution, Levels, hash_of_levels, written
 from segar.rules import World
@@ -65,17 +64,9 @@ def admission(suite: Suite, plays: int = PLAYS) -> Admission:
     starts = make_starts(suite.test_levels, suite.task, TEST_SEED)
     solved, _ = random_episodes(starts, plays, np.random.default_rng(SEARCH))
     certified = suite.plans.solved & replay(suite.test_levels, suite.plans, suite.task)
-    return Admission(float(certified.mean()), float(_idle(suite).mean()), float(solved.mean()))
-
-
-def _idle(suite: Suite) -> np.ndarray:
-    """Whether doing nothing succeeds, bool ``(test levels,)``."""
-    n = len(suite.test_levels)
-    env = VectorEnv(suite.test_levels, n, task=suite.task, seed=TEST_SEED, autoreset_mode="Disabled")
-    nothing, solved = np.zeros((n, len(suite.task.action_low)), np.float32), np.zeros(n, np.bool_)
-    for now in play(env, lambda now: nothing, env.reset(options={"levels": np.arange(n)})):
-        solved |= now.ended & now.info.get("success", False)
-    return solved
+    every = np.arange(len(suite.test_levels))
+    idle = play_episodes(suite.test_levels, every, idle_player, seed=TEST_SEED, task=suite.task).success
+    return Admission(float(certified.mean()), float(idle.mean()), float(solved.mean()))
 
 
 def freeze(
@@ -182,8 +173,7 @@ def _solved(
             f"{path}: the planner solves only {len(chosen)} of {len(levels)} levels of the test; choose a distribution whose"
             " levels can be solved, or a larger search: samples, iterations"
         )
-    kept = dataclasses.replace(plans, **{name: getattr(plans, name)[chosen] for name in PLAN_ARRAYS})
-    return levels[chosen], kept, int(chosen[-1]) + 1 - number
+    return levels[chosen], plans[chosen], int(chosen[-1]) + 1 - number
 
 
 def _rules(distribution: LevelDistribution) -> list[str]:

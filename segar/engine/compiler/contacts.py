@@ -73,8 +73,7 @@ class ContactNotes:
 
     def _matching(self, needs: language.Pattern) -> Group:
         """The group with only those types that match, since these decide about columns."""
-        kinds = [t for t in self.group.types if needs.entity_type is None or issubclass(t, needs.entity_type)]
-        kinds = [t for t in kinds if all(language.holds(t, f) is not None for f in needs.factors)]
+        kinds = [t for t in self.group.types if language.matches(t, needs)]
         return Group(self.group.slots, tuple(kinds), self.group.optional)
 
     def _setting(self, note: _Note, effect: language.EffectExpression, order: tuple[str, ...]) -> FactorSetting:

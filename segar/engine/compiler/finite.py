@@ -43,7 +43,6 @@ def changed_of_type(rule: language.Rule, kind: type[language.Entity]) -> Iterato
     for effect in language.effects_of(rule.tree):
         if all(part.op == "const" and abs(part.args[0]) < float("inf") for part in effect.components):
             continue
-        needs, held = rule.needs[effect.argument], language.holds(kind, effect.factor)
-        is_taken = all(language.holds(kind, f) is not None for f in needs.factors)
-        if held is not None and is_taken and (needs.entity_type is None or issubclass(kind, needs.entity_type)):
+        held = language.holds(kind, effect.factor)
+        if held is not None and language.matches(kind, rule.needs[effect.argument]):
             yield held
