@@ -141,7 +141,8 @@ def test_no_draw_leaves_the_support(distribution):
 @every_distribution
 def test_a_distribution_survives_pickling_and_says_how_it_was_made(distribution):
     assert pickle.loads(pickle.dumps(distribution)) == distribution
-    assert eval(repr(distribution), vars(sn) | {"inf": math.inf}) == distribution
+    names = {name: getattr(sn, name) for name in dir(sn)}
+    assert eval(repr(distribution), names | {"inf": math.inf}) == distribution
 
 
 @pytest.mark.parametrize(
