@@ -11,7 +11,7 @@ from segar.engine import State, StepResult
 from segar.errors import LevelError, SegarError
 from segar.hardness.planner import BATCH
 from segar.hardness.rollouts import Starts, make_starts, uniform_actions
-from segar.language import Factor, FloorFriction, Friction, Task
+from segar.language import Factor, Task
 from segar.levels import Levels, checks
 from segar.metrics import Outcomes, Readings, Spread, readings_of
 from segar.support import is_whole
@@ -97,9 +97,7 @@ class Situations:
         n, of_state = len(self), np.tile(np.arange(len(self)), len(rows))
         parameters = np.repeat(rows, n, axis=0)
         there = replace(self.states[of_state], layout=levels.layout, world=levels.world, parameters=parameters)
-        if Friction in levels.layout.columns:  # the floor's is the parameter's
-            floor = parameters[:, levels.layout.parameters.index(FloorFriction)]
-            there.values[:, -1, levels.layout.columns[Friction]] = floor
+        levels.layout.set_floor(there.values, parameters)
         return there
 
 

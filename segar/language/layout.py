@@ -14,8 +14,8 @@ import numpy as np
 
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language.entities import Entity, entity_name
-from segar.language.factors import Factor
-from segar.language.parameters import BUILT_IN_PARAMETERS, Parameter
+from segar.language.factors import Factor, Friction
+from segar.language.parameters import BUILT_IN_PARAMETERS, FloorFriction, Parameter
 from segar.language.pickling import packed, unpacked
 from segar.language.signature import Pattern
 
@@ -108,6 +108,16 @@ class Layout:
                 " To change it, take levels with another value"
             )
         raise LevelError(f"no entity has a factor '{name}'.{did_you_mean(name, self.by_name)}")
+
+    def set_floor(self, values: np.ndarray, parameters: np.ndarray) -> None:
+        """Give the floor, an entity whose factor rules read, the friction that is a parameter of its level, in place.
+
+        Args:
+            values: float ``(n, entities, width)``.
+            parameters: float ``(n, parameters)``.
+        """
+        if Friction in self.columns:
+            values[:, -1, self.columns[Friction]] = parameters[:, self.parameters.index(FloorFriction)]
 
 
 def require_own_names(what: str, classes: Iterable[type]) -> None:

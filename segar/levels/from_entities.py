@@ -9,8 +9,6 @@ from segar.errors import LevelError
 from segar.language import (
     ID,
     Entity,
-    FloorFriction,
-    Friction,
     GlobalFriction,
     Label,
     Layout,
@@ -43,7 +41,7 @@ def arrays_of_entities(
                 block.set_shape(i, k, entity[Shape])
     _set_parameters(block.parameters, layout, parameters)
     block.types[:, -1] = layout.types.index(GlobalFriction)
-    block.values[:, -1, layout.columns[Friction]] = block.parameters[:, layout.parameters.index(FloorFriction)]
+    layout.set_floor(block.values, block.parameters)
     block.sampled_values[:] = block.values
     return {**block.arrays, "layout": layout, "provenance": Provenance(name, "", __version__, 0, "", block.indices)}
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, did_you_mean
-from segar.language import FloorFriction, Friction
 from segar.levels.level_data import Provenance
 from segar.levels.level_set import Levels
 from segar.support import __version__
@@ -57,9 +56,7 @@ def mixed_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[st
             )
         for column in parameters[name]:
             table[:, column] = source.parameters[:, column]
-    if Friction in train.layout.columns:  # the floor's is the parameter's
-        floor = table[:, train.layout.parameters.index(FloorFriction)]
-        arrays["values"][:, -1, train.layout.columns[Friction]] = floor
+    train.layout.set_floor(arrays["values"], table)
     of_rules = next((name for name, members in groups.items() if RULES in map(_name, members)), REST)
     world = (test if chosen.get(of_rules) else train).world
     made = Provenance("between training and test", "", __version__, 0, "", np.arange(len(train)))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError
-from segar.language import FloorFriction, Friction, Order, Position, Size
+from segar.language import Order, Position, Size
 from segar.levels.distribution import LevelDistribution
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance
 from segar.levels.level_set import Levels
@@ -181,12 +181,11 @@ def _exchange(arrays: dict[str, np.ndarray], donors: Levels, site: Site, rows: n
 
 def _exchange_parameter(arrays: dict[str, np.ndarray], donors: Levels, column: int, rows: np.ndarray) -> np.ndarray:
     """Take a world parameter of donors in these rows; whether it differs, bool ``(rows,)``."""
-    layout, value = donors.layout, donors.parameters[rows, column]
+    value = donors.parameters[rows, column]
     differs = arrays["parameters"][rows, column] != value
     arrays["parameters"][rows, column] = value
-    if layout.parameters[column] is FloorFriction:  # which is the friction of the arena's floor, too
-        for name in ("sampled_values", "values"):
-            arrays[name][rows, -1, layout.columns[Friction]] = value
+    for name in ("sampled_values", "values"):
+        donors.layout.set_floor(arrays[name], arrays["parameters"])
     return differs
 
 

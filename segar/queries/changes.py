@@ -16,9 +16,7 @@ from segar.language import (
     Charge,
     Count,
     Factor,
-    FloorFriction,
     Framerate,
-    Friction,
     Magnetism,
     MinMass,
     MinVelocity,
@@ -98,12 +96,7 @@ class ParameterChange:
 
     def applied(self, level: Levels, actions: np.ndarray) -> Case:
         parameter = parameter_of(level, self.parameter)
-        changed = with_parameters(level, {parameter: checked(parameter, self.value)})
-        if parameter is FloorFriction:  # the floor is an entity, too, and rules read its factor
-            values = changed.values.copy()
-            values[0, -1, level.layout.columns[Friction]] = self.value
-            changed = replace(changed, values=values)
-        return changed, actions
+        return with_parameters(level, {parameter: checked(parameter, self.value)}), actions
 
     def words(self, level: Levels, actions: np.ndarray) -> str:
         parameter = parameter_of(level, self.parameter)
@@ -217,10 +210,11 @@ def option_of(level: Levels, parameter: type[Parameter]) -> RuleOption | None:
 
 def with_parameters(level: Levels, new: Mapping[type[Parameter], float]) -> Levels:
     """A single level with other values of some world parameters."""
-    parameters = level.parameters.copy()
+    parameters, values = level.parameters.copy(), level.values.copy()
     for parameter, value in new.items():
         parameters[0, level.layout.parameters.index(parameter)] = value
-    return replace(level, parameters=parameters)
+    level.layout.set_floor(values, parameters)
+    return replace(level, parameters=parameters, values=values)
 
 
 def checked(factor: type[Factor], value: float) -> float:

@@ -158,19 +158,14 @@ class Stage:
     @cached_property
     def agents(self) -> frozenset[int]:
         """The slots that the task's actions reach."""
-        reached = [rule.signature.entities for rule in self.task.functions().act if rule.signature.uses("action")]
+        acts = [rule.signature for rule in self.task.functions().act if rule.signature.uses("action")]
+        reached = [pattern for signature in acts for pattern in signature.entities]
         slots = enumerate(self.levels.layout.slots)
-        return frozenset(k for k, slot in slots if any(_may_match(slot, p) for patterns in reached for p in patterns))
+        return frozenset(k for k, slot in slots for t in slot.types if any(language.matches(t, p) for p in reached))
 
     @cached_property
     def palette(self) -> Mapping[type[language.Entity], Colour]:
         return {**COLOURS, **self.colours}
-
-
-def _may_match(slot: language.Slot, pattern: language.Pattern) -> bool:
-    if pattern.entity_type is not None:
-        return any(issubclass(t, pattern.entity_type) for t in slot.types)
-    return all(slot.may_have(factor) for factor in pattern.factors)
 
 
 def _listens(world: language.WorldRules, factor: type[language.Factor]) -> bool:

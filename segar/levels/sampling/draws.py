@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, PlacementError, PriorError
-from segar.language import CIRCLE, HULL, BaseShape, Factor, FloorFriction, Friction, Object, Order, Position, Size, Tile
+from segar.language import CIRCLE, HULL, BaseShape, Factor, Object, Order, Position, Size, Tile
 from segar.levels.level_data import Block
 from segar.levels.priors import Prior, factors_read, specificity
 from segar.levels.sampling import placement
@@ -93,8 +93,7 @@ def draw_parameters(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     if plan.rule_space is not None:
         draws = partial(streams.generator, block.indices, "rules")
         block.parameters[:, plan.rule_columns] = plan.rule_space.sample(draws, len(block.indices))
-    floor = block.parameters[:, plan.layout.parameters.index(FloorFriction)]
-    block.sampled_values[:, -1, plan.layout.columns[Friction]] = floor
+    plan.layout.set_floor(block.sampled_values, block.parameters)
 
 
 def draw_factors(plan: SamplingPlan, streams: Streams, block: Block) -> None:
