@@ -256,14 +256,8 @@ def test_a_file_gives_back_the_same_levels_to_the_bit(name, tmp_path):
     assert loaded == levels and same(loaded, levels)
     assert loaded.provenance == levels.provenance
     assert (loaded.provenance.name, loaded.provenance.seed, loaded.provenance.split) == (name, 5, "test")
-    assert loaded.provenance.distribution == family(name).hash and loaded.provenance.indices.tolist() == [
-        3,
-        4,
-        5,
-        6,
-        7,
-        8,
-    ]
+    assert loaded.provenance.distribution == family(name).hash
+    assert loaded.provenance.indices.tolist() == list(range(3, 9))
     assert loaded.distribution is None and loaded.world is None
 
 
@@ -408,10 +402,8 @@ def test_levels_by_hand_hold_exactly_what_was_given():
     assert positions(levels)[:, 0].tolist() == [[0.1, 0.2], [0.1, 0.2]]
     assert read(0, 0, Order) == 3 and read(0, 0, Velocity) == 1.0 and read(1, 0, Mobile) == 0.0
     assert read(1, 0, Size) == 0.3 and read(1, 1, Size) == 0.4 and read(0, 1, Friction) == 0.7
-    assert levels.shape_kind.tolist() == [[1, 2, 0], [1, 1, 0]] and levels.vertex_count.tolist() == [
-        [0, 3, 0],
-        [0, 0, 0],
-    ]
+    assert levels.shape_kind.tolist() == [[1, 2, 0], [1, 1, 0]]
+    assert levels.vertex_count.tolist() == [[0, 3, 0], [0, 0, 0]]
     assert levels.parameters[:, layout.parameters.index(Gravity)].tolist() == [9.0, 10.0]
     assert (levels.values[:, -1, layout.columns[Friction]] == 0.1).all()
 

@@ -124,14 +124,12 @@ def test_each_entity_draws_for_itself_once_per_level():
 def test_a_prior_on_a_factor_reaches_its_sub_classes_and_a_prior_on_those_goes_first():
     numbers = [(Ember, 1), (Oven, 1)]
     levels = LevelDistribution(numbers, [ANYWHERE, Prior(Temperature, 50.0)]).sample(2)
-    assert (column(levels, "oven", HotTemperature) == 50.0).all() and (
-        column(levels, "ember", Temperature) == 50.0
-    ).all()
+    assert (column(levels, "oven", HotTemperature) == 50.0).all()
+    assert (column(levels, "ember", Temperature) == 50.0).all()
     both = [ANYWHERE, Prior(Temperature, 50.0), Prior(HotTemperature, 70.0)]
     levels = LevelDistribution(numbers, both).sample(2)
-    assert (column(levels, "oven", HotTemperature) == 70.0).all() and (
-        column(levels, "ember", Temperature) == 50.0
-    ).all()
+    assert (column(levels, "oven", HotTemperature) == 70.0).all()
+    assert (column(levels, "ember", Temperature) == 50.0).all()
 
 
 def test_a_relation_on_the_label_picks_entities_by_type():
@@ -351,10 +349,8 @@ def test_marginals_are_the_distributions_that_levels_follow():
         for factor in (StoredEnergy, Mass, Charge, Order):
             drawn = np.sort(column(levels, name, factor)[present])
             share = np.searchsorted(drawn, drawn, side="right") / len(drawn)
-            assert np.abs(share - distributions[name][factor].cdf(drawn)).max() < 1.95 / np.sqrt(len(drawn)), (
-                name,
-                factor,
-            )
+            apart = np.abs(share - distributions[name][factor].cdf(drawn)).max()
+            assert apart < 1.95 / np.sqrt(len(drawn)), (name, factor)
     assert distributions["parameters"][Gravity] == UniformNoise(8, 12)
     assert distributions["global_friction"][Friction].mean == 0.05
 

@@ -179,21 +179,8 @@ def test_a_file_is_replaced_only_by_a_complete_one(files, monkeypatch):
 
 def test_the_command_writes_what_the_library_makes_and_grades_it(capsys, tmp_path):
     path, space = tmp_path / "q.jsonl", "segar.rules.templates:dynamics_space"
-    call = [
-        "queries",
-        "write",
-        "objectsx3-hard",
-        "--world",
-        space,
-        "-n",
-        "2",
-        "--seed",
-        "5",
-        "--kinds",
-        "explain",
-        "predict",
-    ]
-    assert cli.main([*call, "-o", str(path), "--json"]) == 0
+    call = f"queries write objectsx3-hard --world {space} -n 2 --seed 5 --kinds explain predict --json"
+    assert cli.main([*call.split(), "-o", str(path)]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["questions"] == {"explain": 2, "predict": 2} and said["file"] == str(path) and said["seed"] == 5
     world = segar.World(rules=segar.rules.templates.dynamics_space())

@@ -59,21 +59,9 @@ def test_the_players_of_built_in_tasks_take_batches_and_single_environments(name
 def test_all_callers_give_a_batch(tmp_path, capsys):
     found = hardness(LEVELS, mine, rng=np.random.default_rng(0), plays=1, samples=8, iterations=1)
     assert found.scripted is not None and found.scripted.solved.all()
-    where = f"{__name__}:mine"
+    command = f"record empty-easy -n 1 --policy script --task {__name__}:mine --episodes 1 --size 64"
     for place in ("film.gif", "data"):
-        command = [
-            "record",
-            "empty-easy",
-            "-n",
-            "1",
-            "-o",
-            str(tmp_path / place),
-            "--policy",
-            "script",
-            "--task",
-            where,
-        ]
-        assert cli.main([*command, "--episodes", "1", "--size", "64"]) == 0, capsys.readouterr().err
+        assert cli.main([*command.split(), "-o", str(tmp_path / place)]) == 0, capsys.readouterr().err
 
 
 def test_actions_of_another_shape_are_refused_with_the_one_that_is_wanted():
