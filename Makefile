@@ -37,7 +37,7 @@ SITE_STAMP := $(VENV)/.installed-site
 # modules of the dependencies takes longer than the rest of the installation.
 LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.command, sqlalchemy.orm, hydra, \
 	hydra_plugins.hydra_joblib_launcher.joblib_launcher, numba, scipy.stats, gymnasium.vector, ot, pandas, pyarrow.parquet, \
-	matplotlib.pyplot, fpdf, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
+	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
 .PHONY: help setup test test-docs check-results test-processors test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site clean

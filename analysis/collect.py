@@ -22,6 +22,7 @@ from typing import Any, cast
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 
 from analysis.collected_rows import OWN, curve_rows, level_rows, probe_rows, run_row, transfer_row
 from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
@@ -163,7 +164,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
             continue
         config, summary = read_config(folder), read_summary(folder)
         place = run_columns(config, name)
-        episodes = read_episodes(folder).to_pandas()
+        episodes = read_episodes(folder)
         place |= varied_columns(config, varied)
         if config.levels.seed != config.seed:
             place["levels.seed"] = config.levels.seed
@@ -181,7 +182,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
             if tested is None or lacks:
                 missing.append((name, transfer + lacks, title))
                 continue
-            played = pd.read_parquet(there / EPISODES)
+            played = pq.read_table(there / EPISODES)
             row = transfer_row(tested, played, episodes, place, transfer)
             transfers.append(row)
             tables["levels"].append(level_rows(played, {**place, "test": row["test"]}))

@@ -1,20 +1,20 @@
 """The rows that a run or a test of it has in each table, from what lies in its folder."""
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 from pathlib import Path
 from typing import Any, cast
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
 
-from analysis.tables import column, performance, select
 from experiments.reproduction.grid import name_with_options, varied_columns
 from experiments.runs.executed_code import combined
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import PROBES, read_metrics, read_versions
-from experiments.runs.run_rows import figures_of, result_figures
+from experiments.runs.run_rows import figures_of_run
 from experiments.runs.versions import computed_with
-from experiments.settings import ACTION_MODES, RunConfig, panel_parts
+from experiments.settings import RunConfig, panel_parts
 from segar.levels import SEPARATOR
 
 OWN = "own"  # the test set that a run has by itself
@@ -28,17 +28,14 @@ def run_row(
     folder: Path,
     config: RunConfig,
     summary: Mapping[str, Any],
-    episodes: pd.DataFrame,
+    episodes: pa.Table,
     place: Mapping[str, Any],
     experiments: Sequence[str],
 ) -> dict[str, Any]:
     """A row of ``runs.parquet``: the settings of a run and its results.
 
     ``experiments`` (joined by spaces), the place, the settings of :data:`STATED`, ``hash``, ``frames``, ``hours`` of training
-    and evaluation,
-    ``w2_<mode>``, ``ks``, ``effective_number``, ``entropy``, ``entropy_left_out``, ``radius``, and for each action mode
-    what :func:`analysis.tables.performance` gives: ``eta_train_deterministic``, ``success_test_sampled``,
-    ``gap_deterministic``, ``gap_se_deterministic`` and so on; the task's own results; ``finished``, and what :func:`software`
+    and evaluation, the figures of :func:`experiments.runs.run_rows.figures_of_run`, ``finished``, and what :func:`software`
     gives.
     """
     seconds = summary["seconds"] + summary.get("evaluation_seconds", 0.0)
@@ -51,10 +48,7 @@ def run_row(
         "hash": config.hash(),
         "frames": summary["frames"],
         "test_levels": config.levels.test_count,
-        **distances(summary),
-        **performance_by_mode(episodes),
-        **task_results(episodes),
-        **success_by_trial(episodes),
+        **figures_of_run(summary, episodes),
         "hours": seconds / 3600,
         "finished": ends[-1] if ends else "",
         **software(read_versions(folder)),
@@ -81,13 +75,14 @@ def without_levels(code: Mapping[str, str] | str) -> Mapping[str, str] | str:
 
 
 def transfer_row(
-    summary: Mapping[str, Any], played: pd.DataFrame, episodes: pd.DataFrame, place: Mapping[str, Any], folder: str
+    summary: Mapping[str, Any], played: pa.Table, episodes: pa.Table, place: Mapping[str, Any], folder: str
 ) -> dict[str, Any]:
     """What an agent achieved on other levels, named ``test``, beside what it achieves on its training levels."""
     asked = summary["transfer"]
     mixture = asked.get("mixture") or {}
     family, difficulty = panel_parts(asked["panel"])
-    whole = pd.concat([select(episodes, levels="train"), played], ignore_index=True)
+    trained = episodes.filter(pc.field("levels") == "train")
+    whole = pa.concat_tables([trained, played], promote_options="default")
     return {
         **place,
         "test": asked["label"],
@@ -99,49 +94,13 @@ def transfer_row(
         "test_groups": SEPARATOR.join(mixture.get("groups", ())),
         "test_levels": asked["test_count"],
         "transfer": folder,
-        **distances(summary),
-        **performance_by_mode(whole),
-        **task_results(whole),
-        **success_by_trial(whole),
+        **figures_of_run(summary, whole),
     }
 
 
-def distances(summary: Mapping[str, Any]) -> dict[str, float]:
-    """W2 in each mode, KS, and the diversity of the training levels where it is known."""
-    w2 = {f"w2_{name.removeprefix('w2/')}": value for name, value in sorted(summary.items()) if name.startswith("w2/")}
-    more = {n.removeprefix("diversity/"): value for n, value in summary.items() if n.startswith("diversity/")}
-    return {**w2, "ks": summary.get("ks", float("nan")), **more}
-
-
-def performance_by_mode(episodes: pd.DataFrame) -> dict[str, float]:
-    """:func:`analysis.tables.performance` of each action mode, its name behind each column."""
-    parts = {mode: select(episodes, action_mode=mode) for mode in ACTION_MODES}
-    return {f"{key}_{mode}": value for mode, part in parts.items() for key, value in performance(part).items()}
-
-
-def task_results(episodes: pd.DataFrame) -> dict[str, float]:
-    """Means of the task's own results, e.g. ``results/charge_test_deterministic``."""
-    rows = episodes.to_dict("records")
-    found: dict[str, float] = {}
-    for levels, mode in product(("train", "test"), ACTION_MODES):
-        found |= result_figures(rows, levels, mode)
-    return figures_of(found)
-
-
-def success_by_trial(episodes: pd.DataFrame) -> dict[str, float]:
-    """The share of levels that are solved in each trial, e.g. ``success_trial_0_test_deterministic``; none without trials."""
-    if "trial" not in episodes or column(episodes, "trial").max() == 0:
-        return {}
-    keys = ["trial", "levels", "action_mode"]
-    means = pd.DataFrame(episodes.groupby(keys, as_index=False)["success"].mean()).to_dict("records")
-    return {
-        f"success_trial_{one['trial']}_{one['levels']}_{one['action_mode']}": float(one["success"]) for one in means
-    }
-
-
-def level_rows(episodes: pd.DataFrame, place: Mapping[str, Any]) -> pd.DataFrame:
+def level_rows(episodes: pa.Table, place: Mapping[str, Any]) -> pd.DataFrame:
     """Means over the episodes on each level: ``return``, ``return_ref``, ``length``, ``success``, ``death``, ``episodes``."""
-    groups = episodes.groupby(["levels", "action_mode", "level"], sort=True)
+    groups = episodes.to_pandas().groupby(["levels", "action_mode", "level"], sort=True)
     means = cast(pd.DataFrame, groups[["return", "return_ref", "length", "success", "death"]].mean())
     table = means.assign(episodes=groups.size()).reset_index()
     for position, name in enumerate(("run", "test")):

@@ -23,8 +23,7 @@ from analysis.stats.resampling import no_interval
 from analysis.tables import Floats, column, select, write_table
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.runs.run_folder import root_folder
-from experiments.runs.run_rows import FINISHED, as_columns, copies_warning, in_short, once_each, run_rows
-from experiments.settings import RunFolderError
+from experiments.runs.run_rows import FINISHED, as_columns, chosen_rows, copies_warning, in_short
 from segar.cli import table as text_table
 from segar.errors import SegarError, did_you_mean
 
@@ -71,10 +70,7 @@ def read_runs(*folders: str | Path, sweep: str | None = None) -> pd.DataFrame:
         RunFolderError: a folder does not exist, or there is no such run.
     """
     places = [root_folder(str(folder)) for folder in folders] or [root_folder(None)]
-    rows = once_each([row for row in run_rows(places) if sweep in (None, *row.sweeps)])
-    if not rows:
-        which = f" of the sweep {sweep}" if sweep else ""
-        raise RunFolderError(f"there is no run{which} in {', '.join(map(str, places))}")
+    rows = chosen_rows(places, sweep)
     if said := copies_warning(rows):
         warnings.warn(said.removeprefix("warning: "), stacklevel=2)
     return pd.DataFrame(as_columns(rows))

@@ -1,4 +1,4 @@
-"""The performance of a run from its rows of episodes, and short functions on tables: rows, columns, means, CSV files."""
+"""Short functions on tables: rows, columns, means, CSV files."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -9,41 +9,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.runs.files import replacing
-from experiments.runs.level_means import level_mean
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 CURVE_POINTS = 40  # of a curve that is drawn or shipped
-
-
-def performance(episodes: pd.DataFrame) -> dict[str, float]:
-    """The performance of a run on its levels, from its evaluation episodes in one action mode.
-
-    ``eta_train`` and ``eta_test`` (mean full return), ``gap`` = test - train, ``se_train``, ``se_test`` and ``gap_se``,
-    ``success_train``, ``death_test`` and so on (shares), ``gap_ref`` (of returns without the last reward, as the 2022
-    implementation counts), ``episodes_train`` and ``episodes_test``.
-
-    All training levels are played, so ``eta_train`` errs only where episodes on one level differ; test levels are a
-    sample, so ``eta_test`` errs as the mean of independent levels does.
-    """
-    row: dict[str, float] = {}
-    reference = {}
-    sampled = "sampled" in set(episodes["action_mode"])
-    for levels in ("train", "test"):
-        part = select(episodes, levels=levels)
-        if part.empty:
-            raise ValueError(f"there is no evaluation episode on {levels} levels")
-        level = column(part, "level")
-        eta, error = level_mean(level, column(part, "return"), fixed=levels == "train", sampled=sampled)
-        row |= {f"eta_{levels}": eta, f"se_{levels}": error}
-        row |= {f"{name}_{levels}": float(column(part, name).mean()) for name in ("success", "death", "length")}
-        row[f"episodes_{levels}"] = len(part)
-        reference[levels] = level_mean(level, column(part, "return_ref"), fixed=True, sampled=False)[0]
-    row["gap"] = row["eta_test"] - row["eta_train"]
-    row["gap_se"] = float(np.hypot(row["se_train"], row["se_test"]))
-    row["gap_ref"] = reference["test"] - reference["train"]
-    return row
 
 
 def write_csv(path: Path, table: pd.DataFrame, digits: int | None = None) -> None:

@@ -23,16 +23,15 @@ from experiments.runs.run_rows import (
     FINISHED,
     RunRow,
     as_columns,
+    chosen_rows,
     code_warning,
     copies_warning,
     in_short,
     named_settings,
-    once_each,
-    run_rows,
     score_warnings,
     seen_warning,
 )
-from experiments.settings import ConfigError, RunFolderError
+from experiments.settings import ConfigError
 from segar.cli import table
 
 FORMATS = (".csv", ".parquet", ".md")  # of files that are written
@@ -44,8 +43,8 @@ FIGURES = {  # columns that are printed, and their names there; W2 in all modes 
     "success_test_deterministic": "test success",
     "score_deterministic": "score",
     "regret_deterministic": "regret",
-    "return_train_deterministic": "train return",
-    "return_test_deterministic": "test return",
+    "eta_train_deterministic": "train return",
+    "eta_test_deterministic": "test return",
 }
 
 
@@ -71,14 +70,7 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
     Raises:
         RunFolderError: there is no such run, or the file cannot be written.
     """
-    places = [root_folder(config.root), *(root_folder(place) for place in config.more)]
-    found = run_rows(places)
-    chosen = once_each([row for row in found if config.sweep in (None, *row.sweeps)])
-    if not chosen:
-        sweeps = sorted({name for row in found for name in row.sweeps})
-        known = f"; there are the sweeps {', '.join(sweeps)}" if sweeps else ""
-        which = f" of the sweep {config.sweep}" if config.sweep else ""
-        raise RunFolderError(f"there is no run{which} in {', '.join(map(str, places))}{known}")
+    chosen = chosen_rows([root_folder(config.root), *(root_folder(place) for place in config.more)], config.sweep)
     say(as_table(chosen))
     for row in chosen:
         if row.problem:

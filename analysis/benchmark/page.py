@@ -7,7 +7,7 @@ import pandas as pd
 
 from analysis.benchmark.causes import EFFECT, effects_on
 from analysis.benchmark.scores import COMPARED, FIGURES, OVERALL, seed_spreads
-from analysis.stats.power import detectable_difference
+from analysis.stats.scores import detectable_difference
 from analysis.tables import column, keep, mean_by, select
 from experiments.benchmarking.protocol import BUDGETS, REFERENCES
 from experiments.benchmarking.row import Row

@@ -1,4 +1,5 @@
-"""The report of a results folder: claims with verdicts, statistics, figures, one HTML page and a PDF.
+"""The report of a results folder: claims with verdicts, statistics, figures, one HTML page.
 
-``make`` makes it, from ``claims``, ``figures`` and ``document``; ``results`` reads the tables, and nothing else is read.
+``make`` makes it, of the paper's experiments (``paper``) or of a study of one's own (``study``), from ``claims``,
+``figures`` and ``document``; ``results`` reads the tables, and nothing else is read.
 """

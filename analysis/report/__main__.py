@@ -1,9 +1,8 @@
-"""``python -m analysis.report results=FOLDER``: claims, statistics, figures, a page and a PDF from the tables
-of a folder.
+"""``python -m analysis.report results=FOLDER``: claims, statistics, figures and a page from the tables of a folder.
 
 ``FOLDER`` is one that experiments.reproduce made, or one of docs/results; only its tables are read. Written there:
-``report.html``, ``report.pdf``, ``claims.csv``, ``figures/<name>.{svg,png,csv}`` and ``statistics/<name>.csv``.
-``only=[figure_3a]`` draws figures and makes nothing else.
+``report.html``, ``claims.csv``, ``figures/<name>.{svg,png,csv}`` and ``statistics/<name>.csv``. ``pdf=true`` prints the page
+into ``report.pdf``, too, where Chromium is installed. ``only=[figure_3a]`` draws figures and makes nothing else.
 """
 
 from analysis.report.make import ReportConfig, main

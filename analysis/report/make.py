@@ -1,26 +1,21 @@
-"""Makes the report of a results folder: claims, statistics, figures with their data, a page and a PDF."""
+"""Makes the report of a results folder: claims, statistics, figures with their data, and a page."""
 
 import json
-from collections import Counter
+import shlex
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analysis.report.claims import verdicts
-from analysis.report.claims.claim import CLAIMS, METRIC_2022, METRIC_OURS, Claim, claims_table
-from analysis.report.claims.evidence import GIVEN, Evidence
-from analysis.report.claims.reading import read_claims
+from analysis.report.claims.claim import CLAIMS, Claim
+from analysis.report.claims.evidence import GIVEN
 from analysis.report.document.blocks import Picture
 from analysis.report.document.files import PAGE, SUFFIXES, write_document, write_picture
-from analysis.report.document.sections import document
-from analysis.report.document.tables import statistics
-from analysis.report.figures import FIGURES
-from analysis.report.number_format import estimate_text
-from analysis.report.results import read_results
-from analysis.report.study import TESTED, WORDS, is_study, make_study_report
+from analysis.report.paper import paper
+from analysis.report.study import is_study, study
+from analysis.report.subject import Subject
 from analysis.tables import write_csv
 from experiments.reproduction.experiment_file import PLAN
 from experiments.reproduction.imported_results import RUNS
@@ -37,12 +32,9 @@ class ReportConfig:
 
     results: str | None = None  # a folder of tables; None: the largest scale in docs/results
     out: str | None = None  # None: into that folder
+    pdf: bool = False  # print the page into report.pdf, too, which takes Chromium
     only: tuple[str, ...] = ()  # names of figures: these alone are drawn, nothing else is made
     tracking: bool = True  # show the report in MLflow, if the results have a plan that says so
-
-    def __post_init__(self) -> None:
-        for name in self.only:
-            require_known("only", name, list(FIGURES))
 
     @property
     def folder(self) -> Path:
@@ -56,19 +48,19 @@ class ReportConfig:
 
     @property
     def name(self) -> str:
-        """The folder as commands in the report name it: from the checkout if it is there, else its own name."""
+        """The folder as commands in the report name it: from the checkout if it is there."""
         folder = self.folder
-        return str(folder.relative_to(CHECKOUT)) if folder.is_relative_to(CHECKOUT) else folder.name
+        return str(folder.relative_to(CHECKOUT) if folder.is_relative_to(CHECKOUT) else folder)
 
 
 @dataclass(frozen=True)
 class Report:
-    """A report: its folder and files, and the claims and statistics in it."""
+    """A report: its folder and files, its claims, and what it is about."""
 
     folder: Path
     files: list[Path]
     claims: list[Claim]
-    evidence: Evidence
+    subject: Subject
 
 
 def report_results(results: Path) -> None:
@@ -78,63 +70,47 @@ def report_results(results: Path) -> None:
 
 def main(config: ReportConfig) -> None:
     """Makes the report and prints what came of it."""
-    if is_study(config.folder):
-        make_and_print_study(config)
-        return
     made = make_report(config)
-    results = made.evidence.results
+    results = made.subject.evidence.results
     print(
         f"{len(results.runs)} runs are in the report, {len(results.missing_runs())} runs or tests of the plan are missing."
     )
-    if config.only:
-        for path in made.files:
-            print(path)
-        return
-    for settings in (METRIC_2022, METRIC_OURS):
-        counted = Counter(claim.verdict(settings) for claim in made.claims)
-        print(f"{settings}: " + ", ".join(f"{count} {name}" for name, count in sorted(counted.items()) if name))
-    if len(results.main):
-        found = made.evidence.of_main("reference", "gap_2022", "pooled")
-        print(f"gap against W2 of 2022, pooled, runs that learned: {estimate_text(found)}")
-    print(f"report: {made.folder / PAGE}")
-
-
-def make_and_print_study(config: ReportConfig) -> None:
-    """The report of a study of one's own, and its claims in lines."""
-    if config.only:
-        raise RunFolderError(f"{config.folder} is a study's: all of its figures are drawn together, so leave out only=")
-    folder = Path(config.out).expanduser().resolve() if config.out else config.folder
-    study, claims = make_study_report(config.folder, folder)
-    print(f"{len(study.runs)} runs are in the report.")
-    for claim in claims:
-        verdict = claim.verdict(TESTED)
-        print(f"{claim.name}: {WORDS.get(verdict, verdict)}: {claim.statement}")
-    print(f"report: {folder / PAGE}")
+    for line in map(str, made.files) if config.only else made.subject.sentences(made.claims):
+        print(line)
+    if not config.only:
+        print(f"report: {made.folder / PAGE}")
 
 
 def make_report(config: ReportConfig) -> Report:
-    """Reads the tables and writes the report; the same tables give the same bytes. Raises :class:`RunFolderError`."""
-    evidence = Evidence(read_results(config.folder))
+    """Reads the tables and writes the report; the same tables give the same bytes.
+
+    Raises:
+        RunFolderError: a table is missing, somebody else's study names code of its own, or nothing here prints a PDF.
+        ConfigError: there is no such figure.
+    """
+    subject = study(config.folder) if is_study(config.folder) else paper(config.folder)
+    for name in config.only:
+        require_known("only", name, list(subject.figures))
     folder = Path(config.out).expanduser().resolve() if config.out else config.folder
-    wanted = {name: draw for name, draw in FIGURES.items() if not config.only or name in config.only}
-    command = f"python -m analysis.report results={config.name} only=[{{}}]"
+    command = f"python -m analysis.report results={shlex.quote(config.name)} only=[{{}}]"
     drawn = {
-        name: write_picture(partial(draw, evidence), folder, name, command.format(name))
-        for name, draw in wanted.items()
+        name: write_picture(draw, folder, name, command.format(name))
+        for name, draw in subject.figures.items()
+        if not config.only or name in config.only
     }
     there = [name for name, one in drawn.items() if isinstance(one, Picture)]
     files = [folder / "figures" / f"{name}{suffix}" for name in there for suffix in (*SUFFIXES, ".csv")]
     if config.only:
-        return Report(folder, files, [], evidence)
-    claims = read_claims(evidence)
-    written = {folder / "statistics" / f"{name}.csv": table for name, table in statistics(evidence).items()}
-    written[folder / CLAIMS] = claims_table(claims)
+        return Report(folder, files, [], subject)
+    claims = subject.claims()
+    written = {folder / "statistics" / f"{name}.csv": table for name, table in subject.statistics().items()}
+    written[folder / CLAIMS] = subject.claims_table(claims)
     for path, table in written.items():
         write_csv(path, table, 4)
     files += written
-    files += write_document(document(evidence, claims, drawn), folder)
+    files += write_document(subject.document(claims, drawn), folder, config.pdf)
     remove_others(folder, files)
-    report = Report(folder, files, claims, evidence)
+    report = Report(folder, files, claims, subject)
     if config.tracking:
         track(config.folder, report)
     return report
@@ -154,7 +130,7 @@ def track(results: Path, report: Report) -> None:
     plan: dict[str, Any] = json.loads((results / PLAN).read_text()) if (results / PLAN).exists() else {}
     if plan.get("tracking", {"name": "none"})["name"] == "none":
         return
-    tags = {"kind": "report", "report_folder": str(report.folder), "scale": report.evidence.results.scale}
+    tags = {"kind": "report", "report_folder": str(report.folder), "scale": report.subject.evidence.results.scale}
     places = {path: path.parent.relative_to(report.folder) for path in report.files}
     replace_run(
         TrackingConfig(**plan["tracking"]), Path(plan["runs"]), f"report of {results.name}", tags, "report_folder",
@@ -165,9 +141,9 @@ def track(results: Path, report: Report) -> None:
 
 def headline_numbers(report: Report) -> dict[str, float]:
     """Runs, verdicts and the correlations of the main grid, as MLflow metrics."""
-    evidence = report.evidence
+    evidence = report.subject.evidence
     numbers = {"runs": float(len(evidence.results.runs))}
-    for settings in (METRIC_2022, METRIC_OURS):
+    for settings in report.subject.readings:
         for name in verdicts.VERDICTS:
             count = sum(claim.verdict(settings) == name for claim in report.claims)
             numbers[f"claims {settings}/{name}"] = float(count)

@@ -17,7 +17,7 @@ from analysis.plotting import style
 from analysis.plotting.names import variation_name
 from analysis.report.rules import GATE_MARGIN
 from analysis.stats.association import labels
-from analysis.tables import column, keep, select
+from analysis.tables import Floats, column, keep, select
 from experiments.reproduction.experiment_file import PLAN
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
 from experiments.runs.run_folder import PROBES
@@ -275,8 +275,15 @@ def panels_of(table: pd.DataFrame) -> list[str]:
 def paired(
     first: pd.DataFrame, second: pd.DataFrame, value: str, at: Sequence[str], there: Sequence[str] = ()
 ) -> pd.DataFrame:
-    """The rows of ``first`` with ``difference``: their ``value`` less that of their partner in ``second``; rows without a
-    partner are left out.
+    """The rows of ``first`` with ``difference``, as of :func:`less_partner`; rows without a partner are left out."""
+    found = first.assign(difference=less_partner(first, second, value, at, there))
+    return keep(found, np.isfinite(column(found, "difference")))
+
+
+def less_partner(
+    first: pd.DataFrame, second: pd.DataFrame, value: str, at: Sequence[str], there: Sequence[str] = ()
+) -> Floats:
+    """The ``value`` of each row of ``first`` less that of its partner in ``second``, float64 ``[rows]``; NaN without a partner.
 
     Args:
         at: the columns of ``first`` that name its partner.
@@ -284,6 +291,5 @@ def paired(
     """
     places = second[list(there or at)].itertuples(index=False, name=None)
     partners = dict(zip(places, column(second, value), strict=True))
-    partner = np.array([partners.get(place, np.nan) for place in first[list(at)].itertuples(index=False, name=None)])
-    found = first.assign(difference=column(first, value) - partner)
-    return keep(found, np.isfinite(column(found, "difference")))
+    partner = [partners.get(place, np.nan) for place in first[list(at)].itertuples(index=False, name=None)]
+    return column(first, value) - np.array(partner, np.float64)

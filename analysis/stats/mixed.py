@@ -50,7 +50,7 @@ def mixed_model(
 ) -> MixedModel:
     """``y ~ x + (1 | each of random)`` by restricted maximum likelihood (statsmodels), random effects crossed.
 
-    With few panels Wald's intervals are somewhat too short; :func:`analysis.stats.resampling.cluster_bootstrap` of the
+    With few panels Wald's intervals are somewhat too short; :func:`analysis.stats.resampling.cluster_jackknife` of the
     slope is the check.
 
     Args:

@@ -1,6 +1,5 @@
-"""Intervals and tests that respect what runs share: bootstrap and jackknife of whole clusters, permutation within panels."""
+"""Intervals and tests that respect what runs share: the jackknife of whole clusters, permutation within panels."""
 
-import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -11,7 +10,7 @@ from scipy import stats
 from analysis.stats.association import labels, require
 from analysis.stats.correlation import residuals
 from analysis.stats.estimate import Estimate, student_p
-from analysis.tables import Floats, Ints, column, keep
+from analysis.tables import Floats, column, keep
 from segar.errors import SegarError
 
 RESAMPLES = 2000
@@ -22,55 +21,6 @@ def no_interval(value: float, count: int, blocks: str = "blocks") -> Estimate:
     """A number of fewer blocks than an interval takes; ``note`` says how many there are."""
     note = f"one {blocks.removesuffix('s')} has no interval" if count == 1 else f"{count} {blocks}: no interval"
     return Estimate(float(value), np.nan, np.nan, count, note=note)
-
-
-def cluster_bootstrap(
-    table: pd.DataFrame,
-    statistic: Statistic,
-    clusters: Sequence[str],
-    rng: np.random.Generator,
-    *,
-    values: Floats | None = None,
-    resamples: int = RESAMPLES,
-    method: str = "percentile",
-    level: float = 0.95,
-) -> Estimate:
-    """A statistic of a table, with an interval from resampling whole clusters of rows (Cameron, Gelbach and Miller 2008).
-
-    Rows of a cluster, such as the runs of one seed in one panel, whose training levels are nested, stay together. ``n``
-    counts clusters. ``p`` is twice the smaller share of resamples on either side of 0, at least 1 / ``resamples``.
-
-    Args:
-        statistic: of a table of rows; may be nan for a few resamples, which are then left out, and noted.
-        clusters: columns whose combinations are the clusters.
-        values: [rows, ...], what ``statistic`` gets rows of in place of the table; ten times faster than a table.
-        method: scipy's "percentile", "basic" or "BCa".
-
-    Raises:
-        SegarError: there are fewer than 2 clusters, or a column is missing.
-    """
-    place, count = numbered(table, clusters, "a bootstrap")
-    rows_of = [np.flatnonzero(place == k) for k in range(count)]
-
-    def of_rows(rows: Ints) -> float:
-        return float(statistic(table.iloc[rows] if values is None else values[rows]))
-
-    def of_clusters(chosen: Ints) -> float:
-        return of_rows(np.concatenate([rows_of[k] for k in chosen]))
-
-    with warnings.catch_warnings():
-        # It means that some resamples have no value, which the note says, and the interval below leaves them out.
-        warnings.simplefilter("ignore", stats.DegenerateDataWarning)
-        found: Any = stats.bootstrap(
-            (np.arange(count),), of_clusters, vectorized=False, n_resamples=resamples, method=method,
-            confidence_level=level, rng=rng,
-        )  # fmt: skip
-    drawn = found.bootstrap_distribution[np.isfinite(found.bootstrap_distribution)]
-    low, high = found.confidence_interval
-    if len(drawn) < resamples and method == "percentile" and len(drawn):
-        low, high = np.quantile(drawn, [0.5 - level / 2, 0.5 + level / 2])
-    note = f"{resamples - len(drawn)} resamples had no value" if len(drawn) < resamples else ""
-    return Estimate(of_rows(np.arange(len(table))), float(low), float(high), count, sign_p(drawn), level, note)
 
 
 def cluster_jackknife(
@@ -86,17 +36,26 @@ def cluster_jackknife(
 
     The error is sqrt((G - 1) / G sum (theta_g - theta)²) over the G clusters that are left out, the distribution Student's
     with G - 1 degrees of freedom (CV3 of MacKinnon, Nielsen and Webb 2023). Of a mean of clusters of one size it is Student's
-    test of their means. :func:`cluster_bootstrap` says too much of few clusters: three that agree in sign have its
-    smallest p. ``n`` counts clusters; ``p`` is that of 0, two-sided.
+    test of their means. Rows of a cluster, such as the runs of one seed in one panel, whose training levels are nested, stay
+    together. A bootstrap would say too much of few clusters (docs/decisions/0012-few-blocks.md). ``n`` counts clusters; ``p``
+    is that of 0, two-sided.
 
     Args:
-        statistic, clusters, values: as of :func:`cluster_bootstrap`.
+        statistic: of a table of rows.
+        clusters: columns whose combinations are the clusters.
+        values: [rows, ...], what ``statistic`` gets rows of in place of the table; ten times faster than a table.
         correlation: the interval is made of Fisher's transform of the statistic.
 
     Raises:
         SegarError: there are fewer than 2 clusters, or a column is missing.
     """
-    place, count = numbered(table, clusters, "a jackknife")
+    require(table, *clusters)
+    names, place = np.unique(labels(table, clusters), return_inverse=True)
+    count = len(names)
+    if count < 2:
+        raise SegarError(
+            f"a jackknife of clusters needs at least 2 of them; there is {count}, by {', '.join(clusters)}"
+        )
     whole = float(statistic(table if values is None else values))
     left = [place != k for k in range(count)]
     parts = np.array([statistic(keep(table, rows) if values is None else values[rows]) for rows in left], np.float64)
@@ -108,17 +67,6 @@ def cluster_jackknife(
     middle = float(there(whole))
     p = student_p(middle, error, count - 1, sides=2)
     return Estimate(whole, float(back(middle - half)), float(back(middle + half)), count, p, level)
-
-
-def numbered(table: pd.DataFrame, clusters: Sequence[str], what: str) -> tuple[Ints, int]:
-    """The number of each row's cluster, and how many clusters there are; an error about ``what`` if fewer than 2."""
-    require(table, *clusters)
-    names, place = np.unique(labels(table, clusters), return_inverse=True)
-    if len(names) < 2:
-        raise SegarError(
-            f"{what} of clusters needs at least 2 of them; there is {len(names)}, by {', '.join(clusters)}"
-        )
-    return place, len(names)
 
 
 def permutation_of_blocks(
@@ -174,14 +122,6 @@ def permutation_of_blocks(
 def to_normal(r: Any) -> Floats:
     """Fisher's transform of correlations, finite at -1 and 1, too."""
     return np.arctanh(np.clip(r, -1 + 1e-12, 1 - 1e-12))
-
-
-def sign_p(drawn: Floats) -> float:
-    """Two-sided p of 0 from a bootstrap distribution."""
-    if not len(drawn):
-        return float("nan")
-    side = min((drawn <= 0).mean(), (drawn >= 0).mean())
-    return float(min(1.0, max(2 * side, 1 / len(drawn))))
 
 
 def cosine(a: Floats, b: Floats) -> float:

@@ -104,6 +104,11 @@ def check_variation(place: str, name: str) -> None:
         require_known(place, name, VARIATIONS)
 
 
+def about(text: str) -> dict[str, str]:
+    """What ``--help`` and the schema of files say of a key."""
+    return {"description": text}
+
+
 # Settings that a grid varies by a name of its own.
 OF_GRID = {
     "levels.train": "families", "levels.count": "counts", "levels.seed": "level_sets", "levels.design": "designs",
@@ -200,30 +205,52 @@ VariationNames = Annotated[tuple[VariationName, ...], NOT_EMPTY, EACH_ONCE]
 class GridConfig:
     """Runs: every combination. What is left out, or is empty in what differs at a scale, is as the scale has it."""
 
-    families: Annotated[tuple[Family, ...], EACH_ONCE] = ()  # of several difficulties; or single distributions
-    difficulties: Annotated[tuple[Difficulty, ...], EACH_ONCE] = ()  # of the families that have several
-    counts: Annotated[tuple[LevelCount, ...], EACH_ONCE] = ()  # numbers of training levels
-    seeds: Count | None = None  # how many agents of each kind, from `seed` upwards, each with a level set of its own
-    nested: bool = True  # level sets of a seed contain each other; false: each number of levels has seeds of its own
-    level_sets: Count | None = None  # how many level sets instead, each with as many agents as there are seeds
-    frames: Count | None = None  # of each run
-    algorithms: Names = (BASE,)  # choices of the group algorithm
-    observations: Names = (BASE,)  # choices of the group observation
-    tasks: Names = (BASE,)  # choices of the group task
-    designs: Annotated[tuple[Design, ...], NOT_EMPTY, EACH_ONCE] = ("iid",)  # how training levels are picked
-    variations: VariationNames = ("",)  # names in experiments.levels.variations
-    interval: CountFrom0 | None = None  # frames between evaluations on the test levels; None: as the scale has it
-    vary: Annotated[Mapping[str, Any], check_vary] = field(default_factory=dict)  # other settings: name to values
+    families: Annotated[tuple[Family, ...], EACH_ONCE] = field(
+        default=(), metadata=about("of several difficulties; or single distributions")
+    )
+    difficulties: Annotated[tuple[Difficulty, ...], EACH_ONCE] = field(
+        default=(), metadata=about("of the families that have several")
+    )
+    counts: Annotated[tuple[LevelCount, ...], EACH_ONCE] = field(
+        default=(), metadata=about("numbers of training levels")
+    )
+    seeds: Count | None = field(
+        default=None,
+        metadata=about("how many agents of each kind, from `seed` upwards, each with a level set of its own"),
+    )
+    nested: bool = field(
+        default=True,
+        metadata=about("level sets of a seed contain each other; false: each number of levels has seeds of its own"),
+    )
+    level_sets: Count | None = field(
+        default=None, metadata=about("how many level sets instead, each with as many agents as there are seeds")
+    )
+    frames: Count | None = field(default=None, metadata=about("of each run"))
+    algorithms: Names = field(default=(BASE,), metadata=about("choices of the group algorithm"))
+    observations: Names = field(default=(BASE,), metadata=about("choices of the group observation"))
+    tasks: Names = field(default=(BASE,), metadata=about("choices of the group task"))
+    designs: Annotated[tuple[Design, ...], NOT_EMPTY, EACH_ONCE] = field(
+        default=("iid",), metadata=about("how training levels are picked")
+    )
+    variations: VariationNames = field(default=("",), metadata=about("names in experiments.levels.variations"))
+    interval: CountFrom0 | None = field(
+        default=None, metadata=about("frames between evaluations on the test levels; None: as the scale has it")
+    )
+    vary: Annotated[Mapping[str, Any], check_vary] = field(
+        default_factory=dict, metadata=about("other settings: name to values")
+    )
 
 
 @dataclass(frozen=True)
 class TransferConfig:
     """Other test levels, or another look of them, for agents that are trained already. None: as in training."""
 
-    family: Family | None = None  # or a distribution; None: as in training
-    difficulty: Annotated[str, one_of(*DIFFICULTIES, *STEPS)] | None = None  # agents without a harder one are left out
-    variation: VariationName | None = None  # of the levels
-    observation: str | None = None  # a choice of the group observation
+    family: Family | None = field(default=None, metadata=about("or a distribution; None: as in training"))
+    difficulty: Annotated[str, one_of(*DIFFICULTIES, *STEPS)] | None = field(
+        default=None, metadata=about("agents without a harder one are left out")
+    )
+    variation: VariationName | None = field(default=None, metadata=about("of the levels"))
+    observation: str | None = field(default=None, metadata=about("a choice of the group observation"))
 
 
 Transfers = Annotated[tuple[TransferConfig, ...], check_transfers]
@@ -242,16 +269,35 @@ class ClaimConfig:
     compares panels, because it is over several, and nothing that is given tells them apart.
     """
 
-    says: str  # the statement
-    test: Test  # correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate
-    expected: Annotated[str, one_of(*SIGNS)]  # negative or positive, which is the sign; none: that there is no effect
-    of: Column = "gap"  # a column of the table of runs, such as gap, success_test, eta_test, w2, results/NAME_test
-    against: Column = "w2"  # of a correlation; w2 is exact W2, of several pairs of distributions in one unit
-    given: Annotated[tuple[str, ...], check_columns] = ()  # of a correlation: panel, log_n, cell, or columns
-    between: Between = field(default_factory=dict)  # of a difference: column to two values
-    where: Annotated[Mapping[str, Any], check_columns] = field(default_factory=dict)  # only the runs with these values
-    tested_on: str = ""  # the label of a transfer, whose levels are meant instead of the run's own test levels
-    margin: PositiveOrNull = None  # a smaller effect does not matter; null: 0.3 of an r, else 0.2 standard deviations
+    says: str = field(metadata=about("the statement"))
+    test: Test = field(
+        metadata=about("correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate")
+    )
+    expected: Annotated[str, one_of(*SIGNS)] = field(
+        metadata=about("negative or positive, which is the sign; none: that there is no effect")
+    )
+    of: Column = field(
+        default="gap",
+        metadata=about("a column of the table of runs, such as gap, success_test, eta_test, w2, results/NAME_test"),
+    )
+    against: Column = field(
+        default="w2", metadata=about("of a correlation; w2 is exact W2, of several pairs of distributions in one unit")
+    )
+    given: Annotated[tuple[str, ...], check_columns] = field(
+        default=(), metadata=about("of a correlation: panel, log_n, cell, or columns")
+    )
+    between: Between = field(default_factory=dict, metadata=about("of a difference: column to two values"))
+    where: Annotated[Mapping[str, Any], check_columns] = field(
+        default_factory=dict, metadata=about("only the runs with these values")
+    )
+    tested_on: str = field(
+        default="",
+        metadata=about("the label of a transfer, whose levels are meant instead of the run's own test levels"),
+    )
+    margin: PositiveOrNull = field(
+        default=None,
+        metadata=about("a smaller effect does not matter; null: 0.3 of an r, else 0.2 standard deviations"),
+    )
 
     def __post_init__(self) -> None:
         require(
@@ -265,16 +311,27 @@ class ClaimConfig:
 class ExperimentConfig:
     """What one file of ``conf/experiment/`` says."""
 
-    title: str  # what the experiment is about
-    figure: str = ""  # of the paper
-    grid: Mapping[str, Any] = field(default_factory=dict)  # of GridConfig; empty: nothing is trained
-    transfers: Transfers = ()  # other levels, or looks, that the trained agents are tested on
-    attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = field(default_factory=dict)  # groups of factors
-    probes: bool = False  # ask what the agents' representations know of the factors, as probes.<scale> says
-    claims: Annotated[Mapping[str, Any], check_claims] = field(default_factory=dict)  # name to ClaimConfig
-    study: str = ""  # needs no training: a plug-in, see experiments.reproduction.plugin
-    options: Mapping[str, Any] = field(default_factory=dict)  # of the study, by name
-    scales: Mapping[str, Any] = field(default_factory=dict)  # what differs there, of the grid and of Others; none: all
+    title: str = field(metadata=about("what the experiment is about"))
+    figure: str = field(default="", metadata=about("of the paper"))
+    grid: Mapping[str, Any] = field(default_factory=dict, metadata=about("of GridConfig; empty: nothing is trained"))
+    transfers: Transfers = field(
+        default=(), metadata=about("other levels, or looks, that the trained agents are tested on")
+    )
+    attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = field(
+        default_factory=dict, metadata=about("groups of factors")
+    )
+    probes: bool = field(
+        default=False,
+        metadata=about("ask what the agents' representations know of the factors, as probes.<scale> says"),
+    )
+    claims: Annotated[Mapping[str, Any], check_claims] = field(
+        default_factory=dict, metadata=about("name to ClaimConfig")
+    )
+    study: str = field(default="", metadata=about("needs no training: a plug-in, see experiments.reproduction.plugin"))
+    options: Mapping[str, Any] = field(default_factory=dict, metadata=about("of the study, by name"))
+    scales: Mapping[str, Any] = field(
+        default_factory=dict, metadata=about("what differs there, of the grid and of Others; none: all")
+    )
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Files of studies: an experiment with the settings of its runs. How they are read, and their schema."""
 
 import dataclasses
-import inspect
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,12 +19,11 @@ from experiments.reproduction.experiment_file import (
     GridConfig,
     Others,
     TransferConfig,
+    about,
     experiment_at,
 )
 from experiments.settings import ConfigError, add_module_path, construct, flat, read_yaml, require, without_files
 
-# A field of a dataclass, and the comment behind it.
-COMMENT = re.compile(r"^    (\w+): [^\n#]*(?:\n(?!    \w+:)[^\n#]*)*?  # (.+)$", re.MULTILINE)
 PLAIN = re.compile(r"[A-Za-z0-9_.:/+-]+")  # values that Hydra reads without quotation marks
 # Of the settings in OF_GRID: what every grid says, and what says nothing where a grid says it, too.
 ALWAYS_OF_GRID, ONLY_HERE = ("families", "counts", "level_sets", "designs", "variations"), ("frames", "interval")
@@ -35,7 +33,9 @@ ALWAYS_OF_GRID, ONLY_HERE = ("families", "counts", "level_sets", "designs", "var
 class StudyConfig(ExperimentConfig):
     """What a study's file says."""
 
-    settings: Mapping[str, Any] = field(default_factory=dict)  # of all runs: choices of groups, and any by dotted names
+    settings: Mapping[str, Any] = field(
+        default_factory=dict, metadata=about("of all runs: choices of groups, and any by dotted names")
+    )
 
 
 @dataclass(frozen=True)
@@ -155,13 +155,9 @@ def _keys_of_tests() -> list[dict[str, Any]]:
 
 
 def _schema_of(cls: type) -> dict[str, Any]:
-    """The schema of a dataclass, with its comments as descriptions; references are written out."""
+    """The schema of a dataclass; references are written out."""
     found = TypeAdapter(cls).json_schema()
-    definitions, about = found.pop("$defs", {}), comments(cls)
-    properties = {
-        name: {**_resolved(part, definitions), **({"description": about[name]} if name in about else {})}
-        for name, part in found["properties"].items()
-    }
+    properties = _resolved(found["properties"], found.get("$defs", {}))
     kept = {key: found[key] for key in ("type", "required") if key in found}
     return {**kept, "properties": properties, "additionalProperties": False}
 
@@ -178,19 +174,10 @@ def _resolved(part: Any, definitions: Mapping[str, Any]) -> Any:
     return [_resolved(one, definitions) for one in part] if isinstance(part, list) else part
 
 
-def comments(cls: type) -> dict[str, str]:
-    """What the comments behind the fields of a dataclass say, by field."""
-    found: dict[str, str] = {}
-    for one in reversed(cls.__mro__[:-1]):
-        found |= dict(COMMENT.findall(inspect.getsource(one)))
-    return found
-
-
 def fields_text() -> str:
     """All keys of a study's file with their meanings, for people."""
     places = {"": StudyConfig, "grid.": GridConfig, "transfers[].": TransferConfig, "claims.NAME.": ClaimConfig}
     lines = []
     for place, cls in places.items():
-        about = comments(cls)
-        lines += [f"  {place + one.name:<26} {about.get(one.name, '')}".rstrip() for one in dataclasses.fields(cls)]
+        lines += [f"  {place + one.name:<26} {one.metadata['description']}" for one in dataclasses.fields(cls)]
     return "\n".join(["Keys of the file; title is required, and of a claim says, test and expected:", *lines])

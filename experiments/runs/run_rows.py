@@ -1,8 +1,9 @@
 """One row per run, of any sweep: its settings, how far it is, and its final figures under short names.
 
-The names of columns follow from those of the figures: ``evaluation/test/success/sampled`` is ``success_test_sampled``,
-``evaluation/gap/deterministic`` is ``gap_deterministic``, ``w2/exact`` is ``w2_exact``, and what the task ``charging``
-calls ``charge`` among its results is ``results/charge_test_deterministic``. Settings have their dotted names.
+The figures are those of all tables, also of the reproduction's: :func:`figures_of_run` builds them. They are named as those of
+the summary: ``evaluation/test/success/sampled`` is ``success_test_sampled``, ``evaluation/gap/deterministic`` is
+``gap_deterministic``, ``w2/exact`` is ``w2_exact``, and what the task ``charging`` calls ``charge`` among its results is
+``results/charge_test_deterministic``. Mean returns are ``eta_train_deterministic`` and so on. Settings have their dotted names.
 """
 
 import re
@@ -14,11 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from experiments.runs.executed_code import combined
 from experiments.runs.journal import read_journal
-from experiments.runs.level_means import gap_errors
 from experiments.runs.level_prints import is_own, prints_in, share_of
+from experiments.runs.performance import SETS, performance
 from experiments.runs.run_folder import (
     CONFIG,
     EPISODES,
@@ -58,7 +60,7 @@ DECIDE_NO_CODE = ("levels.count", "levels.seed", "levels.design", "levels.test_c
 LAST_DISTANCES = ("w2_reference", "w2_paper", "ks")  # stand behind all other modes of W2
 NAMED = 3  # runs that a warning names
 # What is read first.
-FIRST = ("gap", "gap_se", "success_test", "success_train", "score", "regret", RESULTS, "return_test", "return_train")
+FIRST = ("gap", "gap_se", "success_test", "success_train", "score", "regret", RESULTS, "eta_test", "eta_train")
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,19 @@ def run_rows(places: Iterable[Path], trusted: Collection[str] = ()) -> list[RunR
         found = [place] if (place / CONFIG).exists() else sorted(run_folders(place), key=_in_words_and_numbers)
         folders |= dict.fromkeys(found)
     return [_row(folder, trusted) for folder in folders]
+
+
+def chosen_rows(places: Iterable[Path], sweep: str | None) -> list[RunRow]:
+    """The runs of a sweep, or all, that lie in folders, each once; raises :class:`RunFolderError` where there is none."""
+    places = list(places)
+    found = run_rows(places)
+    chosen = once_each([row for row in found if sweep in (None, *row.sweeps)])
+    if not chosen:
+        sweeps = sorted({name for row in found for name in row.sweeps})
+        known = f"; there are the sweeps {', '.join(sweeps)}" if sweeps else ""
+        which = f" of the sweep {sweep}" if sweep else ""
+        raise RunFolderError(f"there is no run{which} in {', '.join(map(str, places))}{known}")
+    return chosen
 
 
 def once_each(rows: Sequence[RunRow]) -> list[RunRow]:
@@ -255,9 +270,16 @@ def score_warnings(runs: Sequence[RunRow]) -> list[str]:
     return found
 
 
-def figures_of(summary: Mapping[str, Any]) -> dict[str, float]:
-    """The numbers of a summary under the names of columns."""
-    return {_column(key): value for key, value in summary.items() if isinstance(value, int | float)}
+def figures_of_run(summary: Mapping[str, Any], episodes: pa.Table | None) -> dict[str, float]:
+    """The figures of a run, or of a test of it: the numbers of its summary under the names of columns, and what
+    :func:`experiments.runs.performance.performance` makes of its episodes, which leads; NaN where an error is not known."""
+    summary = dict(summary)
+    lacking = [one for one in SETS if not any(key.startswith(f"evaluation/{one}/{RESULTS}") for key in summary)]
+    rows = episodes.to_pylist() if episodes is not None and lacking else []
+    for levels, mode in product(lacking, ACTION_MODES):
+        summary |= result_figures(rows, levels, mode)
+    named: dict[str, float] = {_column(k): value for k, value in summary.items() if isinstance(value, int | float)}
+    return named | (performance(episodes) if episodes is not None else {})
 
 
 def result_figures(episodes: Iterable[Mapping[str, Any]], levels: str, mode: str) -> dict[str, float]:
@@ -325,16 +347,10 @@ def _seen(folder: Path, levels: LevelsConfig, about: Mapping[str, Any]) -> float
 
 
 def _figures(folder: Path) -> dict[str, float]:
-    """The figures of a finished run: those of its summary, results that older summaries lack, and the errors of its gaps."""
+    """The figures of a finished run that are known."""
     summary = read_summary(folder)
-    if not (folder / EPISODES).exists():
-        return figures_of(summary)
-    episodes = read_episodes(folder)
-    if not any(f"/{RESULTS}" in key for key in summary):
-        rows = episodes.to_pylist()
-        for levels, mode in product(("train", "test"), ACTION_MODES):
-            summary |= result_figures(rows, levels, mode)
-    return figures_of(summary) | gap_errors(episodes)
+    found = figures_of_run(summary, read_episodes(folder) if (folder / EPISODES).exists() else None)
+    return {name: value for name, value in found.items() if np.isfinite(value)}
 
 
 def _score(folder: Path, config: RunConfig) -> tuple[dict[str, float], str, str]:
@@ -362,7 +378,7 @@ def _column(key: str) -> str:
     group, *rest = key.split("/")
     if group == "evaluation" and len(rest) > 2:
         levels, *quantity, mode = rest
-        return f"{'/'.join(quantity)}_{levels}_{mode}"
+        return f"{'eta' if quantity == ['return'] else '/'.join(quantity)}_{levels}_{mode}"
     if group == "evaluation":
         return "_".join(rest)
     return f"w2_{rest[0]}" if group == "w2" else key.removeprefix("diversity/")

@@ -21,9 +21,9 @@ from analysis.runs import (
     training_sets,
 )
 from analysis.stats.estimate import mean_of_replicates
-from analysis.tables import performance, select
 from experiments.levels.builders import make_levels
 from experiments.results import ResultsConfig, results
+from experiments.runs.performance import performance
 from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, VERSIONS, read_episodes, read_versions, write_json
 from experiments.runs.run_rows import as_columns, code_warning, run_rows
 from experiments.settings import LevelsConfig, RunFolderError
@@ -364,7 +364,6 @@ def test_the_file_of_results_has_the_errors_of_gaps_that_their_bars_are_made_of(
     results(ResultsConfig(root=str(folder), output=str(tmp_path / "runs.csv")), say=lambda line: None)
     written = pd.read_csv(tmp_path / "runs.csv").set_index("run")["gap_se_deterministic"].dropna()
     for name, error in written.items():
-        episodes = select(read_episodes(folder / str(name)).to_pandas(), action_mode="deterministic")
-        assert error == pytest.approx(performance(episodes)["gap_se"])
+        assert error == pytest.approx(performance(read_episodes(folder / str(name)))["gap_se_deterministic"])
     assert len(written) == 4 and (written > 0).any()
     assert "gap_se_deterministic" not in set(pd.read_csv(tmp_path / "runs.means.csv")["figure"])

@@ -198,7 +198,7 @@ def test_every_import_points_down_and_goes_through_a_face():
         ("experiments.settings.run", "experiments.runs"),
         ("experiments.evaluation.episodes", "experiments.training"),
         ("experiments.training.run", "analysis.tables"),
-        ("analysis.stats.power", "analysis.report"),
+        ("analysis.stats.mixed", "analysis.report"),
     ],
 )
 def test_a_turned_arrow_is_found(importer, target):

@@ -1,5 +1,6 @@
-"""The paper's claims: what each says, what these runs say of it, and the verdict.
+"""The claims of the paper and of studies: what each says, what runs say of it, and the verdict.
 
-``statements.yaml`` has the words of all claims, ``gap``, ``information`` and ``learning`` have their tests, ``reading`` puts
-both together, ``evidence`` has the statistics, and ``verdicts`` the rules. This room imports results, stats and tables.
+``tests`` has the tests of all claims, ``statements`` the paper's claims as data (``statements.yaml``), ``rows`` the runs that
+they are about, ``words`` what is said beside their verdicts, and ``reading`` puts these together; ``evidence`` has the
+statistics, and ``verdicts`` the rules. This room imports results, stats and tables.
 """

@@ -1,19 +1,15 @@
-"""A claim: a statement, its findings, and what follows. Also the helpers that make findings."""
+"""A claim: a statement, its findings, and what follows."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pandas as pd
 
 from analysis.report.claims import verdicts
-from analysis.report.claims.evidence import Evidence
-from analysis.report.rules import MARGINS
-from analysis.stats.association import holm
 from analysis.stats.estimate import Estimate
-from analysis.tables import column
 
 CLAIMS = "claims.csv"  # of claims_table
 METRIC_2022, METRIC_OURS = "2022 metric", "our metric"  # of distances and returns
@@ -88,15 +84,6 @@ class Claim:
         return dataclasses.replace(self, follows=follows, needs=needs)
 
 
-def tests_counted(claim: Claim) -> str:
-    """How many tests of a claim have each verdict, in both settings."""
-    said = [
-        f"{verdicts.counted(one.verdict for one in claim.tests(settings))} ({settings})"
-        for settings in filter(claim.has, (METRIC_2022, METRIC_OURS))
-    ]
-    return f"Panels by themselves: {'; '.join(said)}."
-
-
 def claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
     """``claims.csv``: one row per test; a claim without tests has one row that says what it needs."""
     rows = []
@@ -120,34 +107,3 @@ def claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
 def is_correlation(measure: str) -> bool:
     """Whether an estimate of this measure is a correlation."""
     return measure.endswith("Pearson r")
-
-
-def correlation(
-    settings: str, test: str, found: Estimate, sign: int, given: object = (), corrected: bool = False
-) -> Finding:
-    """A finding about a correlation, which is claimed to have a sign, or with 0 not to be there. ``corrected``: by Holm."""
-    measure = "partial Pearson r" if given else "Pearson r"
-    return Finding(settings, test, measure, found, MARGINS["correlation"], sign, corrected=corrected)
-
-
-def mean_difference(
-    evidence: Evidence, settings: str, test: str, differences: pd.DataFrame, sign: int, margin: float = 0.0
-) -> Iterator[Finding]:
-    """A finding about the mean of the column ``difference``, whose claimed sign is given (0: none is claimed).
-
-    Nothing where there are no rows. ``margin``: by default a fifth of a standard deviation of the differences.
-    """
-    if len(differences):
-        smallest = margin or small_difference(differences)
-        yield Finding(settings, test, "mean difference", evidence.mean(differences), smallest, sign)
-
-
-def small_difference(differences: pd.DataFrame) -> float:
-    """The difference of returns that would matter: a fifth of the standard deviation of the paired differences."""
-    return MARGINS["deviations"] * float(column(differences, "difference").std(ddof=1)) if len(differences) > 1 else 0.0
-
-
-def with_holm(found: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
-    """The estimates of the tests of one claim of an effect, by name, with Holm's p-values, which can only weaken it."""
-    p = holm([one.p for one in found.values()])
-    return {name: dataclasses.replace(one, p=float(q)) for (name, one), q in zip(found.items(), p, strict=True)}

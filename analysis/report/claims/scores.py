@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.report.claims.evidence import SEED
-from analysis.report.claims.information import is_plain_ppo
+from analysis.report.claims.rows import is_plain_ppo
 from analysis.report.results import ETA, Results
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.report.claims.evidence import GIVEN_CELL, Evidence
-from analysis.report.claims.information import LEVELS, PROBES, accuracies
+from analysis.report.claims.rows import LEVELS, PROBES, accuracies
 from analysis.report.claims.verdicts import is_known, is_significant
 from analysis.report.results import LESS_REGRET
 from analysis.report.rules import MARGINS

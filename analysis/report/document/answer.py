@@ -7,15 +7,8 @@ import numpy as np
 from analysis.report.claims import verdicts
 from analysis.report.claims.claim import LEARNED, METRIC_2022, METRIC_OURS, Claim, Finding, is_correlation
 from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.gap import (
-    FAR,
-    SPARSE,
-    agents_that_learned,
-    left_out,
-    matched_sets,
-    papers_agent,
-    second_outcome,
-)
+from analysis.report.claims.rows import papers_agent
+from analysis.report.claims.words import agents_that_learned, left_out, second_outcome
 from analysis.report.document.blocks import Block, Bullets, Heading
 from analysis.report.number_format import estimate_text
 from analysis.tables import select
@@ -109,8 +102,8 @@ def of_matched_sets(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
     what = said.get(
         len(stands), f"{stands[0] if stands else ''} predicts the gap in success, and the other is not shown to"
     )
-    runs = matched_sets(evidence)
-    returns = [one.found for pairs in (FAR, SPARSE) for one in second_outcome(evidence, runs, pairs, "gap")]
+    runs = evidence.results.of("matched_sets")
+    returns = [one.found for name in measures for one in second_outcome(evidence, runs, name, "gap")]
     texts = " and ".join(estimate_text(one, "") for one in returns)
     second = f" In returns, the second outcome, they differ by {texts}." if returns else ""
     return (

@@ -14,11 +14,12 @@ from analysis.plotting.names import (
     player_name,
 )
 from analysis.report.captions import TABLES
+from analysis.report.claims.claim import METRIC_OURS
 from analysis.report.claims.evidence import DISTANCES, Evidence, pearson
-from analysis.report.claims.gap import FAR, SPARSE, beside_designs
-from analysis.report.claims.information import beside
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
+from analysis.report.claims.statements import stated
+from analysis.report.claims.tests import SAME, differences
 from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
 from analysis.report.document.tables import frames_of, means, means_table, row_of
 from analysis.report.number_format import NONE, effect, estimate_text, listed, p_value, plain, signed, with_interval
@@ -96,9 +97,10 @@ def matched(evidence: Evidence) -> list[Block]:
 def contrasts(evidence: Evidence, runs: pd.DataFrame) -> Table:
     """What matched-w2 and matched-coverage compare, in each family and at each n by itself."""
     rows = []
-    for words, pairs in (("farther less not farther in W2", FAR), ("worse less not worse coverage", SPARSE)):
-        differences = beside_designs(runs, pairs, "gap_success")
-        for n, part in differences.groupby("n", sort=True):
+    compared = {"matched-w2": "farther less not farther in W2", "matched-coverage": "worse less not worse coverage"}
+    for claim, words in compared.items():
+        (test,) = stated(claim, METRIC_OURS, runs)
+        for n, part in differences(runs, test.of, test.between, test.same).groupby("n", sort=True):
             of_family = {family_name(name): select(part, family=name) for name in dict.fromkeys(part["family"])}
             for place, some in {"all": part, **of_family}.items():
                 found = evidence.mean(some)
@@ -182,10 +184,10 @@ def true_factors(evidence: Evidence) -> list[Block]:
     if seen.empty or main.empty:
         return []
     both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
-    paired = beside(both, "success_test_deterministic", both["sees"] == "factors", both["sees"] == "pixels")
-    if paired.empty:
+    pairs = differences(both, "success_test_deterministic", {"sees": ("factors", "pixels")}, SAME)
+    if pairs.empty:
         return []
-    found = evidence.mean(paired)
+    found = evidence.mean(pairs)
     return [
         Paragraph(
             f"Success on test levels with factors less that with pixels, of the same levels and seeds: "

@@ -1,4 +1,4 @@
-"""The parts of a report: headings, paragraphs, tables, figures and claims, which ``html`` and ``pdf`` print.
+"""The parts of a report: headings, paragraphs, tables, figures and claims, which ``html`` prints.
 
 Texts may hold ``code`` between backquotes and **strong words** between double asterisks, and nothing else.
 """
@@ -6,7 +6,6 @@ Texts may hold ``code`` between backquotes and **strong words** between double a
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -60,12 +59,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure: files beside the report, what it shows, and the command that draws it again."""
+    """A figure: its drawing, what it shows, and the command that draws it again."""
 
     name: str
     caption: str
     svg: bytes = field(repr=False)
-    png: Path
     command: str
 
 
@@ -150,4 +148,3 @@ FINDING_HEAD = (
     "power",
     "verdict",
 )
-WORDS_OF_FINDING = (0, 1, 2, 3, len(FINDING_HEAD) - 1)  # columns of words

@@ -1,4 +1,4 @@
-"""The report's files: the page, the PDF, its findings as Markdown, and each figure with its data."""
+"""The report's files: the page, its findings as Markdown, and each figure with its data."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,21 +9,23 @@ from analysis.report import captions
 from analysis.report.document.blocks import Block, Document, Paragraph, Picture
 from analysis.report.document.html import page
 from analysis.report.document.markdown import markdown
-from analysis.report.document.pdf import sheets
+from analysis.report.document.pdf import print_page
 from analysis.report.figures.drawing import Drawn
 from analysis.tables import write_csv
-from experiments.runs.files import write_bytes, write_text
+from experiments.runs.files import write_text
 
-PAGE, SHEETS, FINDINGS = "report.html", "report.pdf", "findings.md"
+PAGE, PRINT, FINDINGS = "report.html", "report.pdf", "findings.md"
 SUFFIXES = (".svg", ".png")  # of figures
 
 
-def write_document(document: Document, folder: Path) -> list[Path]:
-    """Writes the page, the PDF and the findings into the folder; returns their paths."""
+def write_document(document: Document, folder: Path, pdf: bool = False) -> list[Path]:
+    """Writes the page, its findings and, if asked, its print into the folder; returns their paths. Raises
+    :class:`RunFolderError` where there is nothing that prints."""
     write_text(folder / PAGE, page(document))
-    write_bytes(folder / SHEETS, sheets(document))
     write_text(folder / FINDINGS, markdown(document.title, document.opening))
-    return [folder / PAGE, folder / SHEETS, folder / FINDINGS]
+    if pdf:
+        print_page(folder / PAGE, folder / PRINT)
+    return [folder / PAGE, folder / FINDINGS, *([folder / PRINT] if pdf else [])]
 
 
 def write_picture(draw: Callable[[], Drawn | str], folder: Path, name: str, command: str) -> Picture | str:
@@ -35,9 +37,9 @@ def write_picture(draw: Callable[[], Drawn | str], folder: Path, name: str, comm
         found = draw()
     if isinstance(found, str):
         return found
-    svg, png = save_figure(found.figure, folder / "figures" / name, SUFFIXES)
+    svg, _ = save_figure(found.figure, folder / "figures" / name, SUFFIXES)
     write_csv(svg.with_suffix(".csv"), found.table, 6)
-    return Picture(name, found.caption or captions.FIGURES[name], svg.read_bytes(), png, command)
+    return Picture(name, found.caption or captions.FIGURES[name], svg.read_bytes(), command)
 
 
 def as_block(figure: Picture | str) -> Block:

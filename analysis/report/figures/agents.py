@@ -12,7 +12,7 @@ from analysis.plotting.names import algorithm_name, panel_name
 from analysis.report.captions import FIGURES
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.information import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
+from analysis.report.claims.rows import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
 from analysis.report.claims.scores import COMPARED, LEAST_SEEDS, profiles
 from analysis.report.figures.drawing import (
     CELL,

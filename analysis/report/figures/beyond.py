@@ -10,8 +10,7 @@ from analysis.plotting import style
 from analysis.plotting.figures import DOT, PAGE_WIDTH, draw_points, legend_of, new_figure, zero_line
 from analysis.plotting.names import design_name, family_name, group_name, player_name
 from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.gap import one_number_of_levels
-from analysis.report.claims.rule_sets import all_rule_set_runs, trial_columns, trial_runs
+from analysis.report.claims.rows import all_rule_set_runs, one_number_of_levels, trial_columns, trial_runs
 from analysis.report.figures.drawing import (
     CELL,
     GAP,

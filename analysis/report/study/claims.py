@@ -1,5 +1,6 @@
 """A study's claims, each tested on its runs."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -7,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from analysis.report.claims import verdicts
-from analysis.report.claims.claim import ALL_RUNS, Claim, Finding, small_difference
+from analysis.report.claims.claim import ALL_RUNS, Claim, Finding
+from analysis.report.claims.tests import StatedTest, differences, finding_of, restricted
 from analysis.report.number_format import plain
-from analysis.report.results import PANEL, paired
-from analysis.report.rules import MARGINS
+from analysis.report.results import PANEL
 from analysis.report.study.reading import OWN_UNITS, Study
 from analysis.runs import column_name, number_column, number_of_pairs
 from analysis.stats.estimate import Estimate
@@ -35,45 +36,71 @@ def claim_or_reason(study: Study, name: str, asked: Mapping[str, Any]) -> Claim:
 def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
     """The claim with its finding; raises :class:`ConfigError` for a column that does not exist or a test that goes wrong."""
     try:
-        words, measure, found, margin = tested(study, name, claim)
+        one = tested(study, claim)
     except SegarError as error:
         raise ConfigError(f"claims.{name}: {error}") from error
-    if claim.tested_on:
-        words += f", on {claim.tested_on}"
-    sign = SIGNS[claim.expected]
-    expected = f"Expected: {claim.expected}; effects below {plain(margin, 3)} do not matter."
+    expected = f"Expected: {claim.expected}; effects below {plain(one.margin, 3)} do not matter."
     several = number_of_pairs(study.runs) > 1 and "w2_exact" in (claim.of, claim.against, *claim.given)
-    expected = " ".join(filter(None, [expected, f"{OWN_UNITS} `w2` has one for all." if several else "", found.note]))
-    if not np.isfinite(found.estimate):
-        return Claim(
-            name, claim.says, words, needs=f"other runs ({found.note or 'nothing can be computed from these'})"
-        )
-    finding = Finding(TESTED, words, measure, found, margin, sign, ALL_RUNS)  # a study has no gate
-    return Claim(name, claim.says, words, (finding,), note=expected, runs=ALL_RUNS)
+    expected = " ".join(
+        filter(None, [expected, f"{OWN_UNITS} `w2` has one for all." if several else "", one.found.note])
+    )
+    if not np.isfinite(one.found.estimate):
+        needs = f"other runs ({one.found.note or 'nothing can be computed from these'})"
+        return Claim(name, claim.says, one.test, needs=needs)
+    return Claim(name, claim.says, one.test, (one,), note=expected, runs=ALL_RUNS)  # a study has no gate
 
 
-def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estimate, float]:
-    """What is tested in words, what the estimate is, the estimate, and the margin below which it does not matter."""
+def tested(study: Study, claim: ClaimConfig) -> Finding:
+    """What the runs of a claim say of its test."""
     rows = chosen(study.tested_on(claim.tested_on) if claim.tested_on else study.runs, claim.where)
+    there = f", on {claim.tested_on}" if claim.tested_on else ""
     if ":" in claim.test:
-        return claim.test, "estimate", own_estimate(claim.test, rows), claim.margin or 0.0
-    of = named(rows, "of", claim.of, number_column)
+        found, sign = own_estimate(claim.test, rows), SIGNS[claim.expected]
+        return Finding(TESTED, claim.test + there, "estimate", found, claim.margin or 0.0, sign, ALL_RUNS)
+    test = stated(study, rows, claim)
+    found = finding_of(study.evidence, rows, dataclasses.replace(test, words=test.words + there), TESTED)
+    if found is None:
+        raise ConfigError(f"where: no run has {dict(claim.where)}")
+    return dataclasses.replace(found, runs=ALL_RUNS)
+
+
+def stated(study: Study, rows: pd.DataFrame, claim: ClaimConfig) -> StatedTest:
+    """The test of a claim, by the names of the columns that these rows have."""
+    of, margin = named(rows, "of", claim.of, number_column), claim.margin or ""
     if claim.test == "correlation":
         against = named(rows, "against", claim.against, number_column)
         given = [named(rows, "given", one) for one in claim.given]
-        rows = keep(rows, np.isfinite(column(rows, of)) & np.isfinite(column(rows, against)))
-        x, y = column(rows, against), column(rows, of)
+        known = keep(rows, np.isfinite(column(rows, of)) & np.isfinite(column(rows, against)))
+        x, y = column(known, against), column(known, of)
         is_same = len(set(x)) > 1 and np.array_equal(x, y)  # such as gap and gap_deterministic
         if is_same or {of, against} & {*given}:
             raise ConfigError(f"of: {of}, against: {against}, given: {given}: a column has no correlation with itself")
         words = f"{of} against {against}" + (f", given {', '.join(given)}" if given else "")
-        found = study.evidence.correlation(rows, against, of, given)
-        return words, "partial Pearson r" if given else "Pearson r", found, claim.margin or MARGINS["correlation"]
-    words, rows = f"mean of {of}", keep(rows, np.isfinite(column(rows, of))).assign(difference=rows[of])
-    if claim.test == "difference":
-        words, rows = differences(study, rows, of, claim.between)
-    margin = claim.margin or small_difference(rows)
-    return words, "mean difference" if claim.between else "mean", study.evidence.mean(rows), margin
+        return StatedTest(claim.test, claim.expected, words, of, against, given, margin=margin)
+    if claim.test == "mean":
+        return StatedTest(claim.test, claim.expected, f"mean of {of}", of, margin=margin)
+    (name, values), *_ = claim.between.items()
+    by, values = named(rows, "between", name), [str(value) for value in values]
+    same = shared_columns(study, rows, by, values)
+    words = f"{of}: {values[0]} less {values[1]}, same {', '.join(same)}"
+    if differences(rows, of, {by: values}, same).empty:
+        raise ConfigError(f"between: no two runs are equal but for {by}={values[0]} and {values[1]}")
+    return StatedTest(claim.test, claim.expected, words, of, between={by: values}, same=same, margin=margin)
+
+
+def shared_columns(study: Study, rows: pd.DataFrame, by: str, values: Sequence[str]) -> list[str]:
+    """The columns in which the two runs of a pair are equal that differ in the column ``by``."""
+    parts = [restricted(rows, {by: value}) for value in values]
+    for value, part in zip(values, parts, strict=True):
+        if part.empty:
+            raise ConfigError(
+                f"between: no run has {by}={value}; there are {', '.join(sorted(set(map(str, rows[by]))))}"
+            )
+    panels = [name for name in PANEL if set(parts[0][name]) & set(parts[1][name])]  # none where panels are compared
+    # Several seeds may have given one level set.
+    levels = LEVEL_SEED if np.any(column(rows, LEVEL_SEED) != column(rows, "seed")) else "seed"
+    size = [] if by in NUMBERS_OF_LEVELS else ["n"]
+    return [one for one in (*panels, *size, levels, AGENT_SEED) if one != by] + to_be_equal(study.told_apart, by)
 
 
 def own_estimate(test: str, rows: pd.DataFrame) -> Estimate:
@@ -95,37 +122,10 @@ def own_estimate(test: str, rows: pd.DataFrame) -> Estimate:
 
 def chosen(runs: pd.DataFrame, where: Mapping[str, Any]) -> pd.DataFrame:
     """The runs with the given values, or one of a list of values, in some columns."""
-    for name, value in where.items():
-        values = {str(one) for one in (value if isinstance(value, list) else [value])}
-        known = named(runs, "where", name)
-        runs = keep(runs, [str(one) in values for one in runs[known]])
-    if runs.empty:
-        raise ConfigError(f"where: no run has {dict(where)}")
-    return runs
-
-
-def differences(
-    study: Study, rows: pd.DataFrame, of: str, between: Mapping[str, Sequence[Any]]
-) -> tuple[str, pd.DataFrame]:
-    """Pairs of runs that differ in one column, as the rows of the first with ``difference``, and what they are in words."""
-    (name, (first, second)), *_ = between.items()
-    by = named(rows, "between", name)
-    parts = [keep(rows, [str(one) == str(value) for one in rows[by]]) for value in (first, second)]
-    shared = [name for name in PANEL if set(parts[0][name]) & set(parts[1][name])]  # none where panels are compared
-    levels = (
-        LEVEL_SEED if np.any(column(rows, LEVEL_SEED) != column(rows, "seed")) else "seed"
-    )  # several seeds may have given one level set
-    size = [] if by in NUMBERS_OF_LEVELS else ["n"]
-    at = [one for one in (*shared, *size, levels, AGENT_SEED) if one != by] + to_be_equal(study.told_apart, by)
-    for value, part in zip((first, second), parts, strict=True):
-        if part.empty:
-            raise ConfigError(
-                f"between: no run has {by}={value}; there are {', '.join(sorted(set(map(str, rows[by]))))}"
-            )
-    found = paired(parts[0], parts[1], of, at)
+    found = restricted(runs, {named(runs, "where", name): value for name, value in where.items()})
     if found.empty:
-        raise ConfigError(f"between: no two runs are equal but for {by}={first} and {second}")
-    return f"{of}: {first} less {second}, same {', '.join(at)}", found
+        raise ConfigError(f"where: no run has {dict(where)}")
+    return found
 
 
 def named(runs: pd.DataFrame, setting: str, name: str, find: Callable[[pd.DataFrame, str], str] = column_name) -> str:

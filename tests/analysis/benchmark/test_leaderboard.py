@@ -10,7 +10,7 @@ from mlflow import MlflowClient
 from analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
 from analysis.benchmark.make import BOARD, CAUSES, IMPROVEMENT, PAGE, PROFILE, PROFILES, SCORES, report_rows
 from analysis.benchmark.scores import COMPARED, OVERALL, figures_of, improvements, leaderboard, rows_in, suites_compared
-from analysis.stats.power import detectable_difference
+from analysis.stats.scores import detectable_difference
 from experiments.benchmarking import protocol
 from experiments.benchmarking.protocol import REFERENCES, SHIPPED
 from experiments.settings import TrackingConfig

@@ -13,8 +13,8 @@ from PIL import Image
 from analysis.plotting import style
 from analysis.plotting.figures import PAGE_WIDTH, new_figure, save_figure
 from analysis.report.claims.evidence import Evidence
-from analysis.report.document.blocks import Paragraph, Picture, Table, pieces
-from analysis.report.document.pdf import CELLS, FONT, LEAST_SCALE, Sheet, is_cramped, scale_of, size_of, widths_of
+from analysis.report.document.blocks import pieces
+from analysis.report.document.pdf import BROWSERS, print_page
 from analysis.report.figures import FIGURES
 from analysis.report.make import SHIPPED, ReportConfig, main, make_report, track
 from analysis.report.number_format import estimate_text, p_value, plain, signed, with_interval
@@ -101,11 +101,40 @@ def test_every_figure_names_its_data_and_the_command_that_draws_it(again):
         assert len(pd.read_csv(path)) > 0
 
 
-def test_a_pdf_has_pages_and_a_fixed_date(again):
-    content = (again[1].folder / "report.pdf").read_bytes()
-    assert content.startswith(b"%PDF-")
-    assert int(re.search(rb"/Count (\d+)", content)[1]) > 5
-    assert b"D:20220101" in content
+def fake_browser(folder, program):
+    """A folder for PATH that holds a Chromium which runs this program of the shell."""
+    folder.mkdir()
+    (folder / "chromium").write_text(f"#!/bin/sh\n{program}\n")
+    (folder / "chromium").chmod(0o755)
+    return f"{folder}:/usr/bin:/bin"
+
+
+PRINTS = 'for one; do case $one in --print-to-pdf=*) echo "%PDF- of $page" > "${one#*=}";; esac; done'
+
+
+def test_a_browser_prints_the_page(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", fake_browser(tmp_path / "bin", PRINTS))
+    folder = write_results(tmp_path / "quick-1234", {"runs": few_runs()})
+    monkeypatch.setattr("analysis.report.paper.FIGURES", {name: lambda evidence: "not here" for name in FIGURES})
+    made = make_report(ReportConfig(str(folder), pdf=True))
+    assert folder / "report.pdf" in made.files
+    assert (folder / "report.pdf").read_text().startswith("%PDF-")
+
+
+@pytest.mark.parametrize(
+    ("program", "says"),
+    [
+        (None, f"none of {BROWSERS[0]}.* open .*page.html in any"),
+        ("echo lost >&2; exit 3", "lost"),
+        ("exit 0", "says: nothing"),
+    ],
+)
+def test_a_page_that_cannot_be_printed_leaves_what_was_there(tmp_path, monkeypatch, program, says):
+    monkeypatch.setenv("PATH", str(tmp_path) if program is None else fake_browser(tmp_path / "bin", program))
+    (tmp_path / "page.pdf").write_text("earlier")
+    with pytest.raises(RunFolderError, match=says):
+        print_page(tmp_path / "page.html", tmp_path / "page.pdf")
+    assert (tmp_path / "page.pdf").read_text() == "earlier"
 
 
 def test_all_experiments_find_their_place(tmp_path, undrawn):
@@ -228,7 +257,7 @@ def test_mlflow_gets_the_numbers_and_the_files_once(tmp_path, undrawn):
     client, experiment = open_store(TrackingConfig(**tracking), tmp_path)
     (run,) = client.search_runs([experiment], "tags.kind = 'report'")
     assert run.data.metrics["runs"] == 15
-    pooled = report.evidence.association("exact", "gap", "pooled")
+    pooled = report.subject.evidence.association("exact", "gap", "pooled")
     assert run.data.metrics["exact/pooled/pearson"] == pytest.approx(pooled.estimate)
     there = {
         entry.path
@@ -249,7 +278,7 @@ def test_what_is_wrong_with_the_tables_is_said(tmp_path):
     with pytest.raises(RunFolderError, match="has no rows: no run is finished"):
         make_report(ReportConfig(str(write_results(tmp_path, {"runs": runs.head(0)}))))
     with pytest.raises(ConfigError, match=r"only: 'figure_3' is unknown\. Did you mean 'figure_3"):
-        ReportConfig(only=("figure_3",))
+        make_report(ReportConfig(str(write_results(tmp_path, {"runs": runs})), only=("figure_3",)))
 
 
 def test_the_command_ends_with_one_message(tmp_path):
@@ -292,36 +321,6 @@ def test_a_number_without_an_interval_says_why():
     found = Estimate(0.25, float("nan"), float("nan"), 2, note="2 blocks: no interval")
     assert with_interval(found) == "+0.25 (2 blocks: no interval)"
     assert estimate_text(found, "") == "+0.25 (2 blocks: no interval), n = 2"
-
-
-def test_a_long_table_is_cut_where_both_parts_have_some_rows_and_all_else_stays_whole():
-    table, text = Table(["a"], [["1"]]), Paragraph("a")
-    assert not is_cramped(table, 80.0, 80.0) and not is_cramped(text, 300.0, 300.0)  # they have room
-    assert is_cramped(table, 100.0, 99.0)  # short
-    assert not is_cramped(table, 200.0, 100.0) and is_cramped(text, 200.0, 100.0)
-    assert is_cramped(table, 200.0, 40.0) and is_cramped(table, 200.0, 190.0)  # few rows before the cut, or behind it
-
-
-def test_a_figure_is_drawn_a_little_smaller_where_it_fits_the_page_then_and_no_smaller_than_that(tmp_path):
-    file = tmp_path / "figure.png"
-    new_figure(6.0, 8.0).savefig(file, dpi=150)
-    figure = Picture("name", "caption", b"", file, "command")
-    _, tall = size_of(figure)
-    below = 20.0  # headings and caption
-    assert scale_of(figure, tall + below, 260.0) == 1
-    for room in np.linspace(below + 0.9 * tall, below + tall, 5):
-        assert scale_of(figure, tall + below, room) * tall + below == pytest.approx(room)
-    assert scale_of(figure, tall + below, below + (LEAST_SCALE - 0.01) * tall) == 1  # it goes to a page of its own
-
-
-def test_columns_fill_no_more_than_the_page_and_the_long_ones_give_way():
-    sheet = Sheet("widths")
-    sheet.set_font(FONT, size=CELLS)
-    narrow = widths_of(sheet, [["one", "0.25"]], ["what it is", "r"])
-    assert sum(narrow) < sheet.epw / 3
-    wide = widths_of(sheet, [["one", "word after word " * 30, "0.25"]], ["what it is", "test", "95 %"])
-    assert sum(wide) == pytest.approx(sheet.epw) and wide[1] > 3 * wide[0] and wide[2] >= sheet.get_string_width("95 %")
-    sheet.close_fonts()
 
 
 def test_the_answer_has_five_lines(again):

@@ -110,7 +110,6 @@ def test_planted_effects_are_found_and_their_absence_too(folder):
     assert all(
         (folder / "figures" / f"{name}.png").exists() for name in ("gap_against_distance", "success", "gap", "curves")
     )
-    assert (folder / "report.pdf").stat().st_size > 1000
 
 
 def test_the_same_tables_give_the_same_report(folder, tmp_path):

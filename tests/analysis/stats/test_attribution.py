@@ -5,27 +5,16 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
-import statsmodels.formula.api as smf
-from statsmodels.stats.anova import anova_lm
 
 import segar
-from analysis.stats.attribution import (
-    REST,
-    anova,
-    full_factorial,
-    half_factorial,
-    main_effects,
-    mixed_levels,
-    play_design,
-    shapley,
-)
+from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import play_episodes
 from segar import Charge, Position, Size
 from segar.errors import LevelError, SegarError
 from segar.hardness import make_situations
 from segar.language.parameters import FloorFriction, Gravity
-from segar.levels import shared_rule_sets
+from segar.levels import REST, mixed_levels, shared_rule_sets
 from segar.metrics import rule_set_distances
 from segar.rules import DEFAULT_RULES, World, apply_friction, record_drag
 from segar.rules.templates import dynamics_space
@@ -105,64 +94,35 @@ def additive(levels):
     return -3 * column(levels, "goal", Position) + 10 * column(levels, "golfball", Size)
 
 
+def played(play, train, test, groups=GROUPS):
+    """What ``play`` scores on every combination of the groups of pairs of levels, the first with the first and so on."""
+    parts = []
+    for chosen in full_factorial([*groups, REST]).to_dict("records"):
+        value = play(mixed_levels(train, test, groups, chosen))
+        parts.append(pd.DataFrame({"pair": np.arange(len(train)), **chosen, "value": value}))
+    return pd.concat(parts, ignore_index=True)
+
+
 def test_shapley_gives_each_part_of_a_sum_to_its_group(sets):
     train, test = sets
-    played = play_design(additive, train, test, GROUPS, full_factorial(NAMES), 40, np.random.default_rng(0))
-    found = shapley(played, NAMES).set_index("group")
-    pairs = played.drop_duplicates("pair")
-    moved = column(test, "goal", Position)[pairs.test_level] - column(train, "goal", Position)[pairs.train_level]
-    assert found.loc["position", "estimate"] == pytest.approx(-3 * moved.mean())
-    assert found.loc[REST, "estimate"] == pytest.approx(0, abs=1e-12)
-    assert found.loc[NAMES, "estimate"].sum() == pytest.approx(found.loc["total", "estimate"])
-    assert found.loc[NAMES, "share"].sum() == pytest.approx(1)
+    found = shapley_of_pairs(played(additive, train, test), NAMES)
+    assert found["position"].to_numpy() == pytest.approx(
+        -3 * (column(test, "goal", Position) - column(train, "goal", Position))
+    )
+    assert found[REST].to_numpy() == pytest.approx(0, abs=1e-12)
+    assert found[NAMES].sum(axis=1).to_numpy() == pytest.approx(found["total"].to_numpy())
 
 
 def test_shapley_divides_an_interaction_evenly(sets):
-    train, test = sets
+    train, test = sets[0][:10], sets[1][np.zeros(10, int)]
 
     def both(levels):
         new = [column(levels, "goal", Position) == column(test, "goal", Position)[:1],
                column(levels, "golfball", Size) == column(test, "golfball", Size)[:1]]  # fmt: skip
         return (new[0] & new[1]).astype(float)
 
-    played = play_design(both, train, test[[0]], GROUPS, full_factorial(NAMES), 10, np.random.default_rng(1))
-    found = shapley(played, NAMES).set_index("group")["estimate"]
-    assert found["position"] == pytest.approx(0.5) and found["size"] == pytest.approx(0.5)
-    terms = anova(played, NAMES).set_index("term")
-    assert terms.loc["position x size", "estimate"] == pytest.approx(0.5)  # 1 - 0 - 0 + 0, halved
-    assert terms.loc[REST, "sum_of_squares"] == pytest.approx(0)
-
-
-def test_sums_of_squares_are_statsmodels(sets):
-    train, test = sets
-    noise = np.random.default_rng(2)
-    played = play_design(
-        lambda levels: additive(levels) * column(levels, "golfball", Position) + noise.normal(size=len(levels)),
-        train, test, GROUPS, full_factorial(NAMES), 12, np.random.default_rng(3),
-    )  # fmt: skip
-    theirs = anova_lm(smf.ols("value ~ C(pair) + C(position) * C(size) * C(rest)", played).fit())
-    ours = anova(played, NAMES).set_index("term")["sum_of_squares"]
-    assert ours["position"] == pytest.approx(theirs.loc["C(position)", "sum_sq"])
-    assert ours["position x size"] == pytest.approx(theirs.loc["C(position):C(size)", "sum_sq"])
-    assert ours["position x size x rest"] == pytest.approx(theirs.loc["C(position):C(size):C(rest)", "sum_sq"])
-
-
-def test_half_a_design_finds_the_same_main_effects_of_a_sum(sets):
-    train, test = sets
-    full, half = (
-        play_design(additive, train, test, GROUPS, design(NAMES), 20, np.random.default_rng(4))
-        for design in (full_factorial, half_factorial)
-    )
-    assert len(half) == len(full) / 2
-    a, b = (main_effects(table, NAMES)["estimate"].to_numpy() for table in (full, half))
-    assert a == pytest.approx(b)
-
-
-def test_noise_is_called_an_effect_five_times_in_a_hundred():
-    rng = np.random.default_rng(5)
-    table = full_factorial(["a", "b"]).merge(pd.DataFrame({"pair": np.arange(20)}), how="cross")
-    p = [shapley(table.assign(value=rng.normal(size=len(table))), ["a", "b"])["p"].iloc[0] for _ in range(200)]
-    assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.045)
+    found = shapley_of_pairs(played(both, train, test), NAMES)
+    assert (found["position"] == 0.5).all() and (found["size"] == 0.5).all() and (found[REST] == 0).all()
 
 
 def test_the_gap_of_a_player_is_attributed(sets):
@@ -175,8 +135,7 @@ def test_the_gap_of_a_player_is_attributed(sets):
 
     groups = {"position": [Position], "charge": [Charge]}
     names = [*groups, REST]
-    played = play_design(returns, train, test, groups, full_factorial(names), 8, np.random.default_rng(6))
-    found = shapley(played, names).set_index("group")["estimate"]
+    found = shapley_of_pairs(played(returns, train, test, groups), names).mean()
     assert found["position"] == pytest.approx(found["total"]) and found["total"] != 0
     assert found["charge"] == found[REST] == 0
 
@@ -189,6 +148,5 @@ def test_groups_that_overlap_or_name_nothing_are_refused(sets):
 
 
 def test_a_design_with_a_hole_is_refused(sets):
-    played = play_design(additive, *sets, GROUPS, half_factorial(NAMES), 3, np.random.default_rng(0))
     with pytest.raises(SegarError, match="all 8 combinations"):
-        shapley(played, NAMES)
+        shapley_of_pairs(played(additive, *sets)[1:], NAMES)

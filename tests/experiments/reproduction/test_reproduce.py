@@ -144,7 +144,6 @@ def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, cap
         "tables/main.csv",
         "tables/hard.csv",
         "report.html",
-        "report.pdf",
         "claims.csv",
     ):
         assert (config.folder / name).exists()

@@ -6,13 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, with_holm
+from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Finding
 from analysis.report.claims.evidence import BLOCKS, Evidence
-from analysis.report.claims.gap import without_one_level
 from analysis.report.claims.prediction import matched_predictions
-from analysis.report.claims.reading import ROWS, STATEMENTS, TESTS, read_claims
+from analysis.report.claims.reading import read_claims
+from analysis.report.claims.rows import ROWS
 from analysis.report.claims.specifications import in_words, specifications, survives
+from analysis.report.claims.statements import METRICS, STATEMENTS, stated
+from analysis.report.claims.tests import TESTS, differences, with_holm
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED
+from analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS, without_one_level
 from analysis.report.document.beyond import CONTRASTS, contrasts
 from analysis.report.document.blocks import FINDING_HEAD, HOLM, finding_rows
 from analysis.report.document.tables import row_of
@@ -68,8 +71,9 @@ def test_accuracies_without_relation_to_the_gap_are_none(full):
 
 
 def test_holm_weakens_effects_and_helps_no_claim_of_absence(full):
-    found = {name: Estimate(0.6, 0.0, 0.9, 9, p) for name, p in {"a": 0.04, "b": 0.3, "c": 0.2, "d": 0.9}.items()}
-    assert with_holm(found)["a"].p == pytest.approx(4 * 0.04)
+    estimates = [Estimate(0.6, 0.0, 0.9, 9, p) for p in (0.04, 0.3, 0.2, 0.9)]
+    found = with_holm([Finding(METRIC_OURS, "", "Pearson r", one, 0.3, 1) for one in estimates])
+    assert found[0].found.p == pytest.approx(4 * 0.04) and all(one.corrected for one in found)
     raw = full["5a-trends"].tests(METRIC_OURS)
     assert raw and all((one.found.p < 0.05) == (one.found.low > 0 or one.found.high < 0) for one in raw)
 
@@ -154,7 +158,7 @@ def test_what_one_training_level_adds_is_said(tmp_path):
     chance = 0.01 * np.random.default_rng(2).normal(size=len(runs))
     runs["gap_deterministic"] = np.where(runs["n"] == 1, -10 * runs["w2_exact"], chance)
     evidence = Evidence(read_results(write_results(tmp_path, {"runs": runs})))
-    said = without_one_level(evidence, evidence.main, ("cell",))
+    said = without_one_level(evidence, evidence.main, "3a-cell")
     part = evidence.main[evidence.main["n"] > 1]
     found = evidence.correlation(part, "w2_exact", "gap", ("cell",))
     assert said.startswith("Without the runs with one training level, r = ") and estimate_text(found) in said
@@ -266,13 +270,21 @@ def test_a_line_that_holds_in_all_panels_predicts_a_new_one():
     assert found.loc["noise", "r2_left_out"] < 0.1
 
 
-def test_every_claim_has_a_test_and_rows_and_every_test_a_claim():
+def test_every_claim_has_tests_that_can_be_stated_and_rows_and_every_sentence_a_claim(full):
     claims, evidence = STATEMENTS["claims"], STATEMENTS["evidence"]
-    assert list(claims) == sorted(claims, key=list(TESTS).index) and set(claims) == set(TESTS)
-    for words in claims.values():
-        assert words["evidence"] in ROWS and {words["evidence"], words.get("else_needs", words["evidence"])} <= set(
-            evidence
-        )
+    assert {*BESIDE, *NUMBERS, *OF_TESTS} <= set(claims)
+    values = pd.DataFrame({"family": ["empty"], "panel": ["empty-easy"], "auxiliary": ["curl"]})
+    for name, words in claims.items():
+        assert {words["evidence"], words.get("else_needs", words["evidence"])} <= set(evidence)
+        assert words["evidence"] in ROWS
+        assert all(one.test in TESTS for settings in METRICS for one in stated(name, settings, values))
         assert set(words) <= {
-            "of", "where", "says", "evidence", "else_needs", "note", "supported", "not_supported", "undecided",
+            "of", "where", "says", "evidence", "else_needs", "holm", "tests", "note", "supported", "not_supported", "undecided",
         }  # fmt: skip
+
+
+def test_pairs_are_equal_in_what_they_share_and_a_run_without_a_partner_is_left_out():
+    rows = pd.DataFrame({"n": [1, 1, 10, 50], "who": ["a", "b", "a", "b"], "gap": [3.0, 1.0, 5.0, 7.0]})
+    assert differences(rows, "gap", {"who": ["a", "b"]}, ["n"])["difference"].tolist() == [2.0]
+    both = differences(rows, "gap", {"who": [["a", "b"], ["b", "a"]]}, ["n"])
+    assert both["difference"].tolist() == [2.0, -2.0]

@@ -1,0 +1,198 @@
+"""The runs that claims are about, by the names that ``statements.yaml`` gives them, with the columns that their tests name."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pandas as pd
+
+from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
+from analysis.report.claims.evidence import Evidence
+from analysis.report.results import ETA, MEMORY, Results, less_partner
+from analysis.report.rules import WHOLE
+from analysis.tables import column, count_of, keep, pick, select
+
+CONTROL = "nuisance_only"  # a design that is one level many times
+PAPER_AGENT = "paper_agent"
+# The accuracy of the critic as in 2022, and with its marginal, its alignment and its held-out pairs put right.
+PROBES = {METRIC_2022: "paper", METRIC_OURS: "jsd"}
+GAPS = {METRIC_2022: "gap_2022", METRIC_OURS: "gap"}
+LEVELS = ("train", "test")
+ACCURACIES = ("accuracy_train", "accuracy_test")
+PPO, AS_MANY_STEPS, SAC = "PPO", "as many steps", "SAC"
+STUDY_LEVELS = 100  # test levels of the study of distances
+OF_SET = ("family", "difficulty", "n", "seed", "design")
+SUCCESS_IN_TRIAL = "success_trial_{}_test_deterministic"
+
+
+def several_seeds(evidence: Evidence) -> pd.DataFrame:
+    """The main grid if it has two seeds or more, else no rows."""
+    return evidence.main if count_of(evidence.main, "seed") > 1 else evidence.main.head(0)
+
+
+def one_number_of_levels(evidence: Evidence) -> pd.DataFrame:
+    """The runs of one number of training levels, if they have several designs; ``clustered`` ones were picked near together.
+    One level many times is a control, which is left out."""
+    table = evidence.results.of("fixed_n")
+    table = keep(table, table["design"] != CONTROL)
+    table = table.assign(clustered=table["design"] == "clustered")
+    return table if count_of(table, "design") > 1 else table.head(0)
+
+
+def papers_agent(evidence: Evidence) -> pd.DataFrame:
+    """The runs of the paper's own agent, if all that were planned are there."""
+    there = len(evidence.all_results.of(PAPER_AGENT)) >= WHOLE[PAPER_AGENT]
+    runs = evidence.results.of(PAPER_AGENT)
+    return runs if there else runs.head(0)
+
+
+def harder_levels(evidence: Evidence) -> pd.DataFrame:
+    """The agents of the main grid on harder levels: ``gap_less_own`` and ``gap_2022_less_own`` beside the gap on their own
+    test levels, ``return_less_trained_there`` beside the return of agents trained on the harder levels with this n and seed."""
+    harder, main = evidence.results.harder, evidence.main
+    own = {f"{gap}_less_own": less_partner(harder, main, gap, ["run"]) for gap in GAPS.values()}
+    at, there = ["test_family", "test_difficulty", "n", "seed"], ["family", "difficulty", "n", "seed"]
+    return harder.assign(**own, return_less_trained_there=less_partner(harder, main, ETA, at, there))
+
+
+def probes(evidence: Evidence) -> pd.DataFrame:
+    """The accuracies of the main grid."""
+    return accuracies(evidence.results, evidence.main)
+
+
+def self_supervised(evidence: Evidence) -> pd.DataFrame:
+    """The agents with self-supervised losses and those beside them: ``auxiliary`` is the algorithm that has such a loss, and
+    ``compared`` also names PPO alone, and PPO with as many gradient steps."""
+    runs = evidence.results.of("figure_5a")
+    names = list(map(str, runs["algorithm"]))
+    kinds = [PPO if is_plain_ppo(one) else AS_MANY_STEPS if one.endswith("_epochs") else one for one in names]
+    return with_auxiliary(runs).assign(compared=kinds)
+
+
+def self_supervised_probes(evidence: Evidence) -> pd.DataFrame:
+    """The accuracies of these agents."""
+    found = accuracies(evidence.results, evidence.results.of("figure_5a"))
+    return with_auxiliary(found) if len(found) else found
+
+
+def with_auxiliary(runs: pd.DataFrame) -> pd.DataFrame:
+    """The runs with ``auxiliary``: the algorithm, if it has a self-supervised loss."""
+    return runs.assign(auxiliary=[name if name in auxiliary(runs) else "" for name in map(str, runs["algorithm"])])
+
+
+def probes_with_masses(evidence: Evidence) -> pd.DataFrame:
+    """The accuracies of the appendix's agents without a memory."""
+    masses = evidence.results.masses
+    return accuracies(evidence.results, keep(masses, masses["past"] != MEMORY))
+
+
+def soft_actor_critic(evidence: Evidence) -> pd.DataFrame:
+    """The runs of the appendix on SAC; ``agent`` tells SAC, which DrQ is from pixels, from PPO."""
+    runs = evidence.results.of("appendix_sac")
+    return runs.assign(agent=[SAC if name.startswith(("sac", "drq")) else PPO for name in map(str, runs["algorithm"])])
+
+
+def distances_of_empty(evidence: Evidence) -> pd.DataFrame:
+    """The KS statistics in distribution of the family Empty, from the study of distances: ``log_ks``, and ``log_effective_n``
+    of two samples, n training levels and the study's test levels.
+
+    Joint distribution functions of more entities differ by 1 for most n, where no rate can be seen.
+    """
+    table = evidence.results.studies.get("w2_study", {}).get("distances", pd.DataFrame())
+    if table.empty:
+        return table
+    inside = (table["train"] == table["test"]) & (table["ks"] > 0) & table["train"].str.startswith("empty-")
+    table = keep(table, inside)
+    n = column(table, "n")
+    return table.assign(
+        log_ks=np.log(column(table, "ks")), log_effective_n=np.log(n * STUDY_LEVELS / (n + STUDY_LEVELS))
+    )
+
+
+def all_rule_set_runs(evidence: Evidence) -> pd.DataFrame:
+    """The runs on a chosen number of rule sets: that number ``rule_sets``, its logarithm ``log_rule_sets``, ``chosen`` (near,
+    far, or empty), and ``dynamics_w2``, their distance to those of the test, which is none where it was not measured."""
+    runs = evidence.results.of("rule_sets")
+    if runs.empty:
+        return runs
+    parts = runs["design"].astype(str).str.extract(r"^rule_sets_(?P<number>\d+)(?:_(?P<chosen>near|far))?$")
+    number = parts["number"].astype(float)
+    found = runs.assign(rule_sets=number, log_rule_sets=np.log(number), chosen=parts["chosen"].fillna(""))
+    study = evidence.results.studies.get("rule_set_distances", {}).get("rule_sets", pd.DataFrame())
+    if study.empty:
+        return found.assign(dynamics_w2=np.nan)
+    return found.merge(study[[*OF_SET, "dynamics_w2"]], on=list(OF_SET), how="left")
+
+
+def rule_set_runs(evidence: Evidence) -> pd.DataFrame:
+    """The runs whose rule sets are the first of a sample, see :func:`all_rule_set_runs`."""
+    runs = all_rule_set_runs(evidence)
+    return select(runs, chosen="") if len(runs) else runs
+
+
+def runs_on_ten(evidence: Evidence) -> pd.DataFrame:
+    """The runs on ten rule sets, whether the first, near or far ones, whose distance to the test was measured."""
+    runs = all_rule_set_runs(evidence)
+    return keep(runs, (runs["rule_sets"] == 10) & runs["dynamics_w2"].notna()) if len(runs) else runs
+
+
+def trial_runs(evidence: Evidence) -> pd.DataFrame:
+    """The runs over trials, with ``memory`` and ``last_trial``, their success in the last trial on unseen rule sets."""
+    runs = evidence.results.of("trials")
+    if runs.empty:
+        return runs
+    names = trial_columns(runs)
+    recurrent = runs["algorithm"].astype(str).str.startswith("ppo_recurrent")
+    return runs.assign(memory=recurrent, last_trial=runs[names[-1]]) if names else runs.iloc[:0]
+
+
+def trial_columns(runs: pd.DataFrame) -> list[str]:
+    """The columns of success in each trial on the test levels, in order."""
+    numbers = [n for n in range(len(runs.columns)) if SUCCESS_IN_TRIAL.format(n) in runs]
+    return [SUCCESS_IN_TRIAL.format(n) for n in numbers]
+
+
+def accuracies(results: Results, runs: pd.DataFrame) -> pd.DataFrame:
+    """The runs that were probed: their columns, ``probe`` ("paper" or "jsd"), its accuracy on ``train`` and ``test``, and
+    ``accuracy_train_less_test``."""
+    if results.probes.empty or runs.empty:
+        return pd.DataFrame()
+    table = results.probes
+    rows = (table["representation"] == "trained") & (table["quantity"] == "accuracy") & (table["factor"] == "all")
+    rows &= table["probe"].isin(list(PROBES.values()))
+    wide = pd.pivot_table(keep(table, rows), "estimate", ["run", "probe"], "levels").reset_index()
+    if not {*LEVELS} <= set(wide.columns):
+        return pd.DataFrame()
+    named = pick(wide, ["run", "probe", *LEVELS]).set_axis(["run", "probe", *ACCURACIES], axis=1)
+    found = runs.merge(named, on="run").dropna(subset=list(ACCURACIES))
+    return found.assign(accuracy_train_less_test=found["accuracy_train"] - found["accuracy_test"])
+
+
+def auxiliary(table: pd.DataFrame) -> list[str]:
+    """The algorithms of a table that have a self-supervised loss."""
+    return sorted({str(name) for name in table["algorithm"] if str(name).startswith(("curl", "spr"))})
+
+
+def is_plain_ppo(algorithm: str) -> bool:
+    """Whether it is PPO without a self-supervised loss and without more gradient steps."""
+    return algorithm.startswith("ppo") and not algorithm.endswith("_epochs")
+
+
+# The rows that each evidence of statements.yaml stands for.
+ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
+    "main grid": lambda evidence: evidence.main,
+    "several seeds": several_seeds,
+    "one number of levels": one_number_of_levels,
+    "matched sets": lambda evidence: evidence.results.of("matched_sets"),
+    "the paper's agent": papers_agent,
+    "harder levels": harder_levels,
+    "probes": probes,
+    "self-supervised agents": self_supervised,
+    "probes of self-supervised agents": self_supervised_probes,
+    "masses": lambda evidence: evidence.results.masses,
+    "probes with masses": probes_with_masses,
+    "SAC": soft_actor_critic,
+    "distances without training": distances_of_empty,
+    "numbers of rule sets": rule_set_runs,
+    "ten rule sets": runs_on_ten,
+    "trials": trial_runs,
+}

@@ -1,0 +1,182 @@
+"""What is said beside the verdicts of the paper's claims: numbers that decide nothing, and what a pooled number hides."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from analysis.plotting.names import family_name
+from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Claim, Finding
+from analysis.report.claims.evidence import Evidence
+from analysis.report.claims.rows import PAPER_AGENT, SAC
+from analysis.report.claims.statements import tested
+from analysis.report.claims.verdicts import counted, is_significant
+from analysis.report.number_format import NONE, effect, estimate_text, plain, with_interval
+from analysis.report.results import ETA, LESS_REGRET
+from analysis.stats.correlation import NotAvailable, explained, indicators
+from analysis.stats.estimate import Estimate
+from analysis.tables import column, count_of, keep, select
+
+SUCCESS = "success_test_deterministic"
+# What the rules name second: the gap in returns, and the return on test levels, which falls as the regret grows.
+SECOND = {"gap": "gap in returns", ETA: "return on test levels (less regret)"}
+PLANNED_SEEDS = 5  # of SAC, see rules.yaml
+
+
+def left_out(everything: pd.DataFrame, learned: pd.DataFrame) -> str:
+    """The runs that did not learn, by family: ``5 of Tiles of 2022``; "" where all did."""
+    which = Counter(everything["family"]) - Counter(learned["family"])
+    return ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
+
+
+def agents_that_learned(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """How many runs of the paper's own agent count; "" where all do."""
+    everything = evidence.all_results.of(PAPER_AGENT)
+    lost = left_out(everything, runs)
+    return f"{len(runs)} of {len(everything)} runs learned their training levels (without {lost})." if lost else ""
+
+
+def second_outcome(evidence: Evidence, runs: pd.DataFrame, claim: str, value: str) -> list[Finding]:
+    """The test of a claim about matched sets on another outcome, of :data:`SECOND`, if there are such pairs."""
+    return tested(evidence, runs, claim, of=value, words=SECOND[value], margin="")
+
+
+def second_outcomes(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
+    """All second outcomes in a sentence."""
+    parts = [
+        f"{one.test} {estimate_text(one.found, '')}, margin {plain(one.margin)} (by itself {one.verdict})"
+        for value in SECOND
+        for one in second_outcome(evidence, runs, claim, value)
+    ]
+    return f"The second outcomes, which decide nothing: {'; '.join(parts)}." if parts else ""
+
+
+def without_one_level(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
+    """What is left of a correlation of the main grid without the runs with one training level."""
+    part = keep(runs, runs["n"] > 1)
+    if part.empty or len(part) == len(runs):
+        return ""
+    found = tested(evidence, part, claim)
+    said = [f"{estimate_text(one.found)} ({one.settings}: {one.verdict})" for one in found]
+    return f"Without the runs with one training level, {' and '.join(said)}."
+
+
+def trend_without_one_level(evidence: Evidence, harder: pd.DataFrame) -> str:
+    """What is left of the trend from medium to hard without the runs with one training level."""
+    found = tested(evidence, keep(harder, harder["n"] > 1), "4a-trend")
+    said = [
+        f"in {one.test.partition(',')[0]}, {estimate_text(one.found)} ({one.verdict})"
+        for one in found
+        if one.settings == METRIC_OURS
+    ]
+    return f"Without the runs with one training level ({METRIC_OURS}): {'; '.join(said)}." if said else ""
+
+
+def both_r2(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """R² of the success on test levels on the number of levels and on the panel, of the runs that learned and of all."""
+    parts = {"runs that learned": runs, "all runs": evidence.ungated.main}
+    said = []
+    for which, part in parts.items():
+        y = column(part, SUCCESS)
+        by_n, by_panel = (explained(y, indicators(list(part[key].astype(str)))) for key in ("n", "panel"))
+        if isinstance(by_n, NotAvailable) or isinstance(by_panel, NotAvailable):
+            return ""
+        said.append(f"{plain(by_n)} on n and {plain(by_panel)} on the panel in {which} (n = {len(part)})")
+    return f"R² of success on test levels: {'; '.join(said)}."
+
+
+def sac_in_other_ways(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """The same with the seeds that were planned, and with what the planner reaches taken out."""
+    sac = evidence.results.with_less_regret(select(runs, agent=SAC))
+    planned = keep(sac, sac["seed"] <= PLANNED_SEEDS)
+    tests = [(f"success on test levels, the first {PLANNED_SEEDS} seeds", planned, SUCCESS)]
+    tests += [("return on test levels less the planner's", sac, LESS_REGRET)] if LESS_REGRET in sac else []
+    said = []
+    for words, part, outcome in tests:
+        found = [one.found for one in tested(evidence, part, "A-sac-hard", of=outcome) if one.settings == METRIC_OURS]
+        said += [f"{words} {estimate_text(one, '')}" for one in found or [Estimate.missing(0, "no such runs")]]
+    return f"Easy less hard, in other ways, which decide nothing: {'; '.join(said)}."
+
+
+def slope_of_ks(evidence: Evidence, distances: pd.DataFrame) -> dict[str, str]:
+    """The power of the effective n with which KS falls, with its interval: ``slope``."""
+    panel, at = indicators(list(distances["train"])), column(distances, "log_effective_n")
+    values = np.column_stack([column(distances, "log_ks"), np.ones(len(distances)), panel, at])
+    found = evidence.by_blocks(distances, values, last_slope, ("train", "seed"))
+    return {"slope": with_interval(found)}
+
+
+def last_slope(values: np.ndarray) -> float:
+    """The slope of the last column, in least squares of the first on all others."""
+    return float(np.linalg.lstsq(values[:, 1:], values[:, 0], rcond=None)[0][-1])
+
+
+def success_at_both_ends(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """The success of agents on the fewest and on the most rule sets, on training levels and on unseen ones."""
+    numbers = sorted({*runs["rule_sets"]})
+    parts = [select(runs, rule_sets=number) for number in (numbers[0], numbers[-1])]
+    trained, unseen = (
+        [evidence.mean(part, name) for part in parts] for name in ("success_train_deterministic", SUCCESS)
+    )
+    said = (
+        f"From {numbers[0]:,.0f} to {numbers[-1]:,.0f} rule sets, mean success goes on training levels from "
+        f"{' to '.join(map(share, trained))} and on unseen rule sets from {' to '.join(map(share, unseen))} "
+        f"(n = {' and '.join(f'{len(part)}' for part in parts)} runs)"
+    )
+    falls = trained[-1].estimate < trained[0].estimate
+    return said + (": a gap also closes where success in training falls." if falls else ".")
+
+
+def share(found: Estimate) -> str:
+    """``0.95 [0.88, 1.00]``, an interval that ends at 0 and 1; or the share alone where it has none."""
+    value, ends = effect(found, plain)
+    return value if ends == NONE else f"{value} [{plain(max(found.low, 0.0))}, {plain(min(found.high, 1.0))}]"
+
+
+def without_one_rule_set(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """:func:`success_at_both_ends`, and what is left of the correlation without the runs on one rule set."""
+    more = keep(runs, runs["rule_sets"] > 1)
+    if count_of(more, "rule_sets") < 2 or len(more) == len(runs):
+        return success_at_both_ends(evidence, runs)
+    (one,) = tested(evidence, more, "rule-sets")
+    said = f"Without the runs on one rule set, {estimate_text(one.found)} ({one.verdict})."
+    return f"{said} {success_at_both_ends(evidence, runs)}"
+
+
+def fall_over_all_runs(claim: Claim) -> str:
+    """Where success falls with more rule sets over all runs, that it does."""
+    (one,) = claim.tests(METRIC_OURS, ALL_RUNS)
+    falls = one.found.estimate < 0 and is_significant(one.found)
+    return f"Over all runs, it falls: {estimate_text(one.found)}." if falls else ""
+
+
+def tests_counted(claim: Claim) -> str:
+    """How many tests of a claim have each verdict, in both settings."""
+    said = [
+        f"{counted(one.verdict for one in claim.tests(settings))} ({settings})"
+        for settings in filter(claim.has, (METRIC_2022, METRIC_OURS))
+    ]
+    return f"Panels by themselves: {'; '.join(said)}."
+
+
+# Numbers that the sentences of a claim name in braces, from its evidence and rows.
+NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {"A-ks": slope_of_ks}
+# What is said after the sentence of a claim's verdict, with numbers from its evidence and rows.
+BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
+    "3a": partial(without_one_level, claim="3a"),
+    "3a-cell": partial(without_one_level, claim="3a-cell"),
+    "3a-agent": agents_that_learned,
+    "4a-trend": trend_without_one_level,
+    "matched-w2": partial(second_outcomes, claim="matched-w2"),
+    "matched-coverage": partial(second_outcomes, claim="matched-coverage"),
+    "5b-diversity": both_r2,
+    "A-sac-hard": sac_in_other_ways,
+    "rule-sets": without_one_rule_set,
+}
+# What is said after that, from the claim's own tests; those of several panels are counted.
+OF_TESTS: Mapping[str, Callable[[Claim], str]] = {
+    **dict.fromkeys(("3b-trend", "3b-easy", "3b-weak", "4a-all"), tests_counted),
+    "rule-sets-unseen": fall_over_all_runs,
+}

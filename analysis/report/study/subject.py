@@ -1,0 +1,49 @@
+"""A study of one's own as the subject of a report."""
+
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+
+from analysis.report.claims.claim import Claim, claims_table
+from analysis.report.study.claims import TESTED, WORDS, claim_or_reason
+from analysis.report.study.document import document
+from analysis.report.study.figures import FIGURES
+from analysis.report.study.reading import read_study
+from analysis.report.subject import Subject
+
+PAPERS = ("of", "settings", "runs", "where", "follows")  # columns of claims that only the paper's report fills
+
+
+def study(folder: Path) -> Subject:
+    """The study whose tables are in a folder; raises :class:`RunFolderError`, also where somebody else's study names code of
+    its own. A claim that cannot be tested is in the report with the reason."""
+    asked = read_study(folder)
+    return Subject(
+        asked.evidence,
+        (TESTED,),
+        {name: partial(draw, asked) for name, draw in FIGURES.items()},
+        claims=lambda: [claim_or_reason(asked, name, one) for name, one in asked.asked.get("claims", {}).items()],
+        statistics=dict,
+        claims_table=tested_claims,
+        document=lambda claims, drawn: document(asked, claims, drawn),
+        sentences=sentences,
+    )
+
+
+def tested_claims(claims: list[Claim]) -> pd.DataFrame:
+    """``claims.csv``: one row per test."""
+    table = claims_table(claims)
+    table = table.drop(columns=[one for one in table if one.startswith("of_claim") or one in PAPERS])
+    return table.replace({"verdict": WORDS})
+
+
+def sentences(claims: list[Claim]) -> list[str]:
+    """What became of each claim, and what it takes to test it."""
+    verdicts = ((claim, claim.verdict(TESTED)) for claim in claims)
+    return [
+        f"{one.name} cannot be tested; it needs {one.needs}."
+        if one.needs
+        else f"{one.name}: {WORDS.get(v, v)}: {one.statement}"
+        for one, v in verdicts
+    ]

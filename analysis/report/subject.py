@@ -1,0 +1,25 @@
+"""What a report is about: the paper's experiments, or a study of one's own. Both are made by ``make`` in the same way."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from analysis.report.claims.claim import Claim
+from analysis.report.claims.evidence import Evidence
+from analysis.report.document.blocks import Document, Picture
+from analysis.report.figures.drawing import Drawn
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The parts of a report, each of which is made when it is asked for."""
+
+    evidence: Evidence
+    readings: Sequence[str]  # in which claims are tested, as findings name them
+    figures: Mapping[str, Callable[[], Drawn | str]]  # by name: the figure, or why there is none
+    claims: Callable[[], list[Claim]]
+    statistics: Callable[[], Mapping[str, pd.DataFrame]]  # by the names of their CSV files
+    claims_table: Callable[[list[Claim]], pd.DataFrame]
+    document: Callable[[list[Claim], Mapping[str, Picture | str]], Document]
+    sentences: Callable[[list[Claim]], list[str]]  # what is printed of the claims
