@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from analysis.report.claims import statements
 from analysis.report.claims.claim import METRIC_OURS
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.reading import read_claims
 from analysis.report.claims.rows import all_rule_set_runs, rule_set_runs, runs_on_ten
-from analysis.report.claims.statements import tested
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED
 from analysis.report.number_format import estimate_text
 from analysis.report.results import read_results
@@ -75,7 +75,7 @@ def test_what_rests_on_one_rule_set_is_said(tmp_path):
     changed = runs.assign(success_train_deterministic=0.9, success_test_deterministic=0.9 - gap, gap_success=-gap)
     evidence = evidence_of(tmp_path, changed, rule_set_distances(changed))
     claim = claims_of(evidence)["rule-sets"]
-    (found,) = tested(evidence, rule_set_runs(evidence).query("rule_sets > 1"), "rule-sets")
+    (found,) = statements.tested(evidence, rule_set_runs(evidence).query("rule_sets > 1"), "rule-sets")
     assert claim.verdict(METRIC_OURS) == SUPPORTED != found.verdict
     assert f"Without the runs on one rule set, {estimate_text(found.found)} ({found.verdict})." in claim.follows
 
