@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from segar.engine.runtime.device_contacts import MAX_CONTACTS
+from segar.engine.runtime.contacts import MAX_CONTACTS
 from segar.engine.simulator import State
 from segar.language.factors import Alive, Collides, Done, Mobile, Position, Size, Velocity
 from segar.language.layout import holds

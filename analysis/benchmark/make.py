@@ -6,7 +6,7 @@ from typing import Any
 
 from analysis.benchmark.causes import causes_of_rows
 from analysis.benchmark.figures import performance_figure, profile_figure, shown_rows
-from analysis.benchmark.page import overall_table, page_text, suite_table
+from analysis.benchmark.leaderboard_page import overall_table, page_text, suite_table
 from analysis.benchmark.scores import (
     OVERALL,
     by_name,

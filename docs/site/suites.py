@@ -16,7 +16,7 @@ from environments import GAP, SIDE, draw, table
 from PIL import Image
 from playgrounds import BUILD
 
-from analysis.benchmark.page import rows_on
+from analysis.benchmark.leaderboard_page import rows_on
 from experiments.benchmarking.protocol import SHIPPED
 from segar.envs import VectorEnv
 from segar.levels import Levels

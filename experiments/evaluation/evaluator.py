@@ -71,7 +71,7 @@ OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class RunEvaluation:
     """The results: one row per episode, the figures of each player, and the folder that holds them."""
 
     episodes: Sequence[Mapping[str, Any]]
@@ -79,7 +79,7 @@ class Evaluation:
     folder: Path
 
 
-def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Evaluation:
+def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunEvaluation:
     """Plays the levels, writes the results, and prints a table.
 
     Raises:
@@ -146,7 +146,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     if config.videos != "none":
         say(make_videos(out, config, policy, levels, options, rows))
     say(f"results: {out}")
-    return Evaluation(rows, summary, out)
+    return RunEvaluation(rows, summary, out)
 
 
 def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:

@@ -112,7 +112,7 @@ def kernel_text(name: str, task: str | None = None) -> str:
         ),
         "",
         "What stands before the first of them is geometry and contacts, the same in every kernel:",
-        *(f"  {Path(engine.__path__[0], 'runtime', file)}" for file in ("device.py", "device_contacts.py")),
+        *(f"  {Path(engine.__path__[0], 'runtime', file)}" for file in ("geometry.py", "contacts.py")),
     ]
     return "\n".join([*(f"# {line}".rstrip() for line in legend), "", source.text.rstrip("\n")])
 

@@ -26,7 +26,7 @@ from segar.levels.probability.marginals import marginals
 from segar.levels.probability.shared import shared_probability
 from segar.levels.sampling.draws import Streams, draw_levels
 from segar.levels.sampling.placement import MIN_DISTANCE
-from segar.levels.sampling.plan import SamplingPlan, SlotGroup, make_plan
+from segar.levels.sampling.plan import SamplingPlan, SlotGroup, make_sampling_plan
 from segar.noise import Noise
 from segar.rules import RuleSpace, World
 from segar.support import Estimate, __version__, is_whole
@@ -362,7 +362,9 @@ class LevelDistribution:
             slot += len(slots)
         priors = [p for p in self.priors if not issubclass(p.factor, Parameter)]
         fixed = _fixed_positions(self.layout, self.positions)
-        return make_plan(self.layout, groups, priors, self._parameter_priors, fixed, self.min_distance, self.rule_space)
+        return make_sampling_plan(
+            self.layout, groups, priors, self._parameter_priors, fixed, self.min_distance, self.rule_space
+        )
 
 
 def types_of(who: type[Entity] | ThingFactory) -> tuple[type[Entity], ...]:

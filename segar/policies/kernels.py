@@ -42,7 +42,7 @@ def forward(table, places, floats, observations, memory, scratch, width, sums, f
     """Fill ``scratch`` with the activations of ``count`` environments from ``first`` on, and step their memory.
 
     Args:
-        table: int64 ``[operation, column]``; places: int64; floats: float32; see :class:`segar.policies.plan.Plan`.
+        table, places, floats: those of a :class:`segar.policies.forward_pass.ForwardPass`.
         observations: uint8 or float32 ``[environment, number]``.
         memory: float32 ``[environment, number]``.
         scratch: float32, at least ``count`` rows of ``width`` numbers, one after the other.

@@ -12,8 +12,8 @@ from typing import Any, Self
 import numpy as np
 
 from segar.errors import SegarError
+from segar.policies.forward_pass import ForwardPass, make_forward_pass
 from segar.policies.layers import MEMORY, Layer, Shape, output_shape
-from segar.policies.plan import Plan, make_plan
 from segar.support import ArchiveFormat, Form
 
 FORMAT = ArchiveFormat("segar-network", 1, "a network", "network file", SegarError)
@@ -122,11 +122,11 @@ class Network:
             layers.append(replace(layer, arrays=arrays))
         return replace(self, layers=tuple(layers))
 
-    def plan(self, sampled: bool, *, valued: bool = False) -> Plan:
+    def forward_pass(self, sampled: bool, *, valued: bool = False) -> ForwardPass:
         """What the compiled forward pass reads; it gives the mean; where actions are ``sampled``, ``log_std``; and, where it is
         asked for and there is one, the value."""
         value = () if self.value is None or not valued else (self.value,)
-        return make_plan(self.layers, self.shapes, (self.mean, *((self.log_std,) if sampled else ()), *value))
+        return make_forward_pass(self.layers, self.shapes, (self.mean, *((self.log_std,) if sampled else ()), *value))
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write to ``path`` (npz without pickle). An existing file is replaced only by a complete one.

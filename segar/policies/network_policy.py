@@ -52,9 +52,9 @@ class NetworkPolicy:
         low, high = (np.array(bounds, np.float32) for bounds in (network.action_low, network.action_high))
         self._low, self._high = (-ones, ones) if unit_actions else (low, high)
         self._center, self._half_range = (self._low + self._high) / 2, (self._high - self._low) / 2
-        self._plan = network.plan(sampled)
-        self._remembers = sampled or self._plan.memory_width > 0
-        self._block = min(max(SCRATCH // self._plan.width, FEWEST), MOST)
+        self._pass = network.forward_pass(sampled)
+        self._remembers = sampled or self._pass.memory_width > 0
+        self._block = min(max(SCRATCH // self._pass.width, FEWEST), MOST)
         self._team = Team(num_threads)
         self._scratch: list[tuple[np.ndarray, np.ndarray]] = []  # arrays that no thread uses now
         self._start(0)
@@ -100,18 +100,18 @@ class NetworkPolicy:
         components)`` and ``values`` float32 ``(envs,)``, which are written; values by networks that have them.
         """
         network, envs = self.network, ("envs",)
-        plan = network.plan(self.sampled, valued=True)
-        mean, log_std = plan.outputs[0], plan.outputs[1] if self.sampled else 0
-        value = -1 if network.value is None else plan.outputs[-1]
+        made = network.forward_pass(self.sampled, valued=True)
+        mean, log_std = made.outputs[0], made.outputs[1] if self.sampled else 0
+        value = -1 if network.value is None else made.outputs[-1]
         given = {
             "observations": Given(np.dtype(network.dtype).name, (*envs, math.prod(network.observation_shape))),
-            "memory": Given("float32", (*envs, plan.memory_width)),
-            "scratch": Given("float32", (*envs, plan.width)),
+            "memory": Given("float32", (*envs, made.memory_width)),
+            "scratch": Given("float32", (*envs, made.width)),
             "actions": Given("float32", (*envs, network.actions)),
         }
         arguments = [
-            *(Rows(), plan.table, plan.places, plan.floats, given["observations"], given["memory"], given["scratch"]),
-            *(plan.width, Scratch(np.float32, ROWS * TILE), mean, log_std, *network.log_std_range, self._center),
+            *(Rows(), made.table, made.places, made.floats, given["observations"], given["memory"], given["scratch"]),
+            *(made.width, Scratch(np.float32, ROWS * TILE), mean, log_std, *network.log_std_range, self._center),
             *(self._half_range, Given("uint64", envs), Given("int64", envs), self.sampled, given["actions"]),
             *(value, Given("float32", envs)),
         ]
@@ -119,7 +119,7 @@ class NetworkPolicy:
 
     def _start(self, n: int) -> None:
         """Arrays of what is remembered from step to step."""
-        self._memory = np.zeros((n, self._plan.memory_width), np.float32)
+        self._memory = np.zeros((n, self._pass.memory_width), np.float32)
         self._keys, self._steps = np.zeros(n, np.uint64), np.zeros(n, np.int64)
 
     def _checked(self, observations: np.ndarray) -> np.ndarray:
@@ -145,17 +145,17 @@ class NetworkPolicy:
 
     def _act(self, rows: np.ndarray, actions: np.ndarray, start: int, stop: int) -> None:
         """Write the actions of the environments of some blocks."""
-        plan, network = self._plan, self.network
-        mean, log_std = plan.outputs if self.sampled else (*plan.outputs, 0)
+        made, network = self._pass, self.network
+        mean, log_std = made.outputs if self.sampled else (*made.outputs, 0)
         try:
             scratch, sums = self._scratch.pop()
         except IndexError:
-            scratch, sums = np.empty(self._block * plan.width, np.float32), np.empty(ROWS * TILE, np.float32)
+            scratch, sums = np.empty(self._block * made.width, np.float32), np.empty(ROWS * TILE, np.float32)
         for first in range(start * self._block, min(stop * self._block, len(rows)), self._block):
             count = min(self._block, len(rows) - first)
-            forward(plan.table, plan.places, plan.floats, rows, self._memory, scratch, plan.width, sums, first, count)
+            forward(made.table, made.places, made.floats, rows, self._memory, scratch, made.width, sums, first, count)
             act(
-                scratch, plan.width, mean, log_std, *network.log_std_range, self._center, self._half_range, self._keys,
+                scratch, made.width, mean, log_std, *network.log_std_range, self._center, self._half_range, self._keys,
                 self._steps, self.sampled, actions, first, count,
             )  # fmt: skip
         self._scratch.append((scratch, sums))

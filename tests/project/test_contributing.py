@@ -15,8 +15,8 @@ ROOM = re.compile(r"^\| `((?:segar|experiments|analysis)/[\w./*]+)` \|", re.M)
 QUESTIONS = QUESTION.findall(TEXT)
 
 
-def test_there_are_ten_questions():
-    assert len(QUESTIONS) == 10
+def test_there_are_questions():
+    assert len(QUESTIONS) >= 10
 
 
 @pytest.mark.parametrize(("question", "answer"), QUESTIONS, ids=[question for question, _ in QUESTIONS])

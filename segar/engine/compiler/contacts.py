@@ -94,7 +94,7 @@ COLLIDES = language.Pattern((language.Collides, language.Position, language.Velo
 
 @dataclass(frozen=True)
 class Contacts:
-    """Writes the functions that ``device_contacts.py`` calls by name while it resolves contacts."""
+    """Writes the functions that ``runtime/contacts.py`` calls by name while it resolves contacts."""
 
     source: Source
     world: language.WorldRules

@@ -1,7 +1,7 @@
 """Layout, rules and task -> the source of one module that steps a batch of environments.
 
-The module consists of constants of the layout, geometry (:mod:`segar.engine.runtime.device`), contacts
-(:mod:`segar.engine.runtime.device_contacts`), the functions that the rules became, and the entry, which takes each
+The module consists of constants of the layout, geometry (:mod:`segar.engine.runtime.geometry`), contacts
+(:mod:`segar.engine.runtime.contacts`), the functions that the rules became, and the entry, which takes each
 environment through a step: the source of a sub-step follows :data:`segar.language.SUB_STEP`, stage by stage. Nothing in the
 module depends on sampled values, so all level sets of a distribution share it.
 """
@@ -24,7 +24,7 @@ from segar.engine.compiler.source import DECORATOR, ENTRY_DECORATOR, STATE, Sour
 from segar.engine.compiler.spec import Group
 from segar.engine.compiler.stages import StageWriter
 from segar.engine.compiler.task_functions import task_functions
-from segar.engine.runtime import device, device_contacts, gather, ledger, scratch, sheet
+from segar.engine.runtime import contacts, gather, geometry, ledger, scratch, sheet
 from segar.errors import RuleError
 from segar.language import ACT, FIND_RATES, SUB_STEP, Layout, Operation, Rule, Stage
 from segar.support import keyed_uniform, mathematics
@@ -220,20 +220,20 @@ CONTACT_MOVES = {self._contacts_move()}
 
     def functions(self) -> str:
         """The functions that the rules and the task became, and the range of actions."""
-        contacts = Contacts(self.source, self.world, self.rules)
+        writer = Contacts(self.source, self.world, self.rules)
         parts = [
-            contacts.solid(),
-            contacts.movable(),
+            writer.solid(),
+            writer.movable(),
             self._stage(FIND_RATES, "rates(V, U, bits, P)", inline=False),
-            contacts.hit_wall(),
-            contacts.hit_body(),
+            writer.hit_wall(),
+            writer.hit_body(),
             self._act(),
             *(
                 self._stage_function(stage)
                 for stage in SUB_STEP
                 if stage.operation is not language.Operation.RESOLVE_CONTACTS
             ),
-            contacts.may_touch(),
+            writer.may_touch(),
             finite_test(self.source, self.rules),
             *task_functions(self.source, self.task, len(self.rules)),
             f"ACTION_LOW = np.array({list(self.task.action_low)})\nACTION_HIGH = np.array({list(self.task.action_high)})",
@@ -296,7 +296,7 @@ def _room(bodies: int) -> int:
 
 
 def _device_text() -> str:
-    text = "\n\n".join(inspect.getsource(part).split(COPY_MARK, 1)[1] for part in (device, device_contacts))
+    text = "\n\n".join(inspect.getsource(part).split(COPY_MARK, 1)[1] for part in (geometry, contacts))
     return text.replace("@njit\n", DECORATOR + "\n")
 
 

@@ -96,7 +96,7 @@ class SamplingPlan:
         return next((d for d in self.draws if d.slot == slot and d.factor is factor and kind in d.types), None)
 
 
-def make_plan(
+def make_sampling_plan(
     layout: Layout,
     groups: Sequence[SlotGroup],
     priors: Sequence[Prior],

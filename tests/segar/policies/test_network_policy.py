@@ -84,7 +84,7 @@ def given_by(layer, inputs):
     """What a layer gives for vectors."""
     first = Layer("observation", options={"scale": 1.0, "stack": 1})
     network = Network((inputs.shape[1],), (first, layer), 1, 1)
-    plan = network.plan(sampled=False)
+    plan = network.forward_pass(sampled=False)
     scratch, sums = np.zeros(len(inputs) * plan.width, "f"), np.zeros(kernels.ROWS * kernels.TILE, "f")
     memory = np.zeros((len(inputs), 0), "f")
     kernels.forward(plan.table, plan.places, plan.floats, inputs, memory, scratch, plan.width, sums, 0, len(inputs))

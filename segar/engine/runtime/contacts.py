@@ -1,7 +1,7 @@
 """Contacts as the kernels run them. The text below the line is copied into every generated module.
 
-State and shapes are those of :mod:`segar.engine.runtime.device`. Scratch: ``U[entity, axis]``, displacement rates; ``W[entity,
-column]``, of which contacts use the first three; ``L``, lists of integers. Everything is plain Python.
+State and shapes are those of :mod:`segar.engine.runtime.geometry`. Scratch: ``U[entity, axis]``, displacement rates;
+``W[entity, column]``, of which contacts use the first three; ``L``, lists of integers. Everything is plain Python.
 """
 
 # pyright: reportUndefinedVariable=false
@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from segar.engine.runtime.device import THRESHOLD, X, njit, radius
+from segar.engine.runtime.geometry import THRESHOLD, X, njit, radius
 
 # Columns and slots; the generated module puts its own in their place.
 VX = 0

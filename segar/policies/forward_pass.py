@@ -17,7 +17,7 @@ CORES = {"gru": k.GRU, "lstm": k.LSTM}
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class ForwardPass:
     """What :func:`segar.policies.kernels.forward` needs.
 
     Attributes:
@@ -35,8 +35,8 @@ class Plan:
     memory_width: int
 
 
-def make_plan(layers: Sequence[Layer], shapes: Sequence[Shape], outputs: Sequence[int]) -> Plan:
-    """The plan that computes the outputs of these layers, and no layer that they do not need."""
+def make_forward_pass(layers: Sequence[Layer], shapes: Sequence[Shape], outputs: Sequence[int]) -> ForwardPass:
+    """The forward pass that computes the outputs of these layers, and no layer that they do not need."""
     needed = _needed(layers, outputs)
     program = _Program()
     for i in sorted(needed):
@@ -46,7 +46,7 @@ def make_plan(layers: Sequence[Layer], shapes: Sequence[Shape], outputs: Sequenc
         row[k.TARGET] = offsets[target]
         row[k.SOURCE], row[k.OTHER] = (0 if tensor is None else offsets[tensor] for tensor in (source, other))
     cores = [i for i in sorted(needed) if layers[i].kind in MEMORY]
-    return Plan(
+    return ForwardPass(
         np.array(program.rows, np.int64),
         np.array(program.places, np.int64),
         np.concatenate(program.floats).astype(np.float32),
