@@ -38,14 +38,14 @@ class Trained:
         from experiments.algorithms.learner import learner_class, make_learner
         from experiments.commands.hydra_app import compose
         from experiments.commands.process_defaults import set_process_defaults
-        from experiments.levels.builders import make_levels
-        from experiments.training.run import make_environment, training_levels
+        from experiments.levels.builders import Prepared
+        from experiments.training.preparation import make_environment, training_levels
 
         config = compose([*BASE, *overrides]).resolved()
         set_process_defaults(config.num_threads)
-        kind, (train, test) = learner_class(config.algorithm), make_levels(config.levels)
-        self.chosen = training_levels(kind, config, train, test)
-        env = make_environment(kind, config, train, train) if self.chosen is None else self.chosen.env
+        kind, prepared = learner_class(config.algorithm), Prepared(config)
+        self.chosen = training_levels(kind, prepared)
+        env = make_environment(kind, prepared, prepared.level_sets[0]) if self.chosen is None else self.chosen.env
         self.learner = make_learner(kind, config.algorithm, env, 10**8, config.seed)
         if self.chosen is not None:
             self.chosen.connect(self.learner)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from experiments.levels.builders import Prepared
 from experiments.runs.executed_code import executed_code
 from experiments.runs.run_folder import (
     CONFIG,
@@ -115,5 +116,7 @@ def pretend_to_train(config: RunConfig) -> dict[str, float]:
         stream.write(f"{grid_point(config)}\n")
     if config.stale == "anew":
         shutil.rmtree(folder_path(config), ignore_errors=True)
-    write_run(config, gap=-2.0 / config.levels.count, w2=1.0 / config.levels.count, code=executed_code(config))
+    write_run(
+        config, gap=-2.0 / config.levels.count, w2=1.0 / config.levels.count, code=executed_code(Prepared(config))
+    )
     return {"evaluation/gap/deterministic": -2.0 / config.levels.count}

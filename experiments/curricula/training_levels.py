@@ -16,6 +16,7 @@ from experiments.curricula.explorer import Explorer
 from experiments.curricula.level_rows import LevelRows
 from experiments.curricula.played_env import PlayedEnv
 from experiments.curricula.played_log import PlayedLog
+from experiments.levels.builders import Prepared
 from experiments.levels.endless import Stream, stream_of, target_of
 from experiments.settings import ConfigError, CurriculumConfig, RunConfig, UniformConfig
 from segar.envs import VectorEnv
@@ -28,10 +29,9 @@ class TrainingLevels:
     """What chooses the levels of a run, and what records them.
 
     Args:
-        config: of the run, which has a curriculum or endless levels.
+        prepared: the run, which has a curriculum or endless levels.
         make_env: the learner's environments on levels.
         make_trial_env: so many environments on levels that are tried, of which nothing is reset by a step.
-        train, test: levels that the agent is evaluated on.
 
     Raises:
         ConfigError: curriculum, levels and algorithm do not fit each other.
@@ -39,17 +39,16 @@ class TrainingLevels:
 
     def __init__(
         self,
-        config: RunConfig,
+        prepared: Prepared,
         make_env: Callable[[Levels], Any],
         make_trial_env: Callable[[Levels, int], VectorEnv],
-        train: Levels,
-        test: Levels,
     ) -> None:
+        config, (train, test) = prepared.config, prepared.level_sets
         settings = settings_of(config)
         assert settings is not None  # the caller has asked
         self.config: CurriculumConfig = settings
         kind = curriculum_class_of(self.config)
-        stream = stream_of(config.levels) if config.levels.is_endless else None
+        stream = stream_of(prepared) if config.levels.is_endless else None
         check_fits(self.config, config, stream)
         levels = train if stream is None else stream.take(kind.rows_needed(self.config, config.algorithm.num_envs))
         env = make_env(levels)
@@ -66,7 +65,7 @@ class TrainingLevels:
         self.rows = LevelRows(env, stream)
         self.curriculum = kind(self.config, self.rows, self.explorer, config.seed)
         self.env = PlayedEnv(env, self.rows, self.curriculum)
-        self.log = PlayedLog(train, target_of(config.levels), test)
+        self.log = PlayedLog(train, target_of(prepared), test)
         self.sums: EpisodeSums | None = None
         self.agent: Any = None
         self.steps = 0  # of all environments together, so many were taken note of

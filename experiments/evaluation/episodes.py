@@ -8,11 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 
-from experiments.levels.builders import environment_options
+from experiments.levels.builders import Prepared
 from experiments.networks.encoders import successive
 from experiments.runs.run_folder import RESULTS
 from experiments.runs.run_rows import result_figures
-from experiments.settings import ACTION_MODES, RunConfig
+from experiments.settings import ACTION_MODES
 from segar import evaluation
 from segar.envs import Act, TimeStep, VectorEnv
 from segar.errors import UnseenDifferenceWarning
@@ -35,15 +35,14 @@ class Agent(Protocol):
         ...
 
 
-def evaluate_run(policy: Agent, config: RunConfig, train: Levels, test: Levels) -> list[dict[str, Any]]:
+def evaluate_run(policy: Agent, prepared: Prepared, train: Levels, test: Levels) -> list[dict[str, Any]]:
     """Episodes on all training levels (each equally often, ``evaluation.episodes`` in all at least) and on each test
     level once, with deterministic and with sampled actions; rows as in ``run_folder.EPISODE_SCHEMA``."""
-    options, seed = environment_options(config, train=train), config.evaluation.seed
-    options_of_test = environment_options(config, train=train, which="test")
-    rounds = -(-config.evaluation.episodes // len(train))
+    asked = prepared.config.evaluation
+    rounds = -(-asked.episodes // len(train))
     return [
-        *play_in_modes(policy, "train", train, options, seed, rounds=rounds),
-        *play_in_modes(policy, "test", test, options_of_test, seed),
+        *play_in_modes(policy, "train", train, prepared.env_options(train=train), asked.seed, rounds=rounds),
+        *play_in_modes(policy, "test", test, prepared.env_options(train=train, which="test"), asked.seed),
     ]
 
 

@@ -22,6 +22,7 @@ from experiments.evaluation.causes import CAUSES, play_twins, suite_played, writ
 from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_in_modes, trial_figures
 from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import (
+    Prepared,
     environment_options,
     find_distribution,
     in_own_world,
@@ -95,14 +96,14 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
         except ImportError as error:
             searched = where_searched(error, trained.module_path)
             raise ConfigError(f"run: its settings name {name}, which cannot be imported: {error}{searched}") from error
-    changed = [part for part in changed_parts(folder, executed_code(trained)) if part != "learner"]
+    changed = [part for part in changed_parts(folder, executed_code(Prepared(trained))) if part != "learner"]
     if changed:
         say(
             f"note: the run was made by other code; changed since: {', '.join(changed)}. These episodes are played by today's"
         )
     levels = find_levels(config, folder, trained)
     with_twins = suite_played(config, trained) if config.twins else None
-    code = {**played_code(played(config, trained)), "levels": hash_of_levels(levels)}
+    code = {**played_code(Prepared(played(config, trained))), "levels": hash_of_levels(levels)}
     policy: Agent
     policy, frames = load_agent(folder, trained, levels, say, found)
     options, network = options_of(folder, trained, config.levels, config.split), None

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.evaluation.probing import ProbeConfig, is_probed
-from experiments.levels.builders import distribution_of, in_own_world, task_name
+from experiments.levels.builders import Prepared, distribution_of, in_own_world, task_name
 from experiments.runs.executed_code import differing_parts, played_code
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
@@ -90,10 +90,10 @@ class Transfer:
         """The code that decides what this run's agent achieves there, beside its weights, as
         :func:`experiments.runs.executed_code.played_code`; its part ``levels`` is of all test levels."""
         if self.mixture is not None:
-            return played_code(dataclasses.replace(run, observation=self.observation))
+            return played_code(Prepared(dataclasses.replace(run, observation=self.observation)))
         task = dataclasses.replace(run.task, name=task_name(run))
         there = dataclasses.replace(run, levels=self.levels_config(), task=task, observation=self.observation)
-        return {**played_code(there), "levels": hash_of_levels(self.levels(run))}
+        return {**played_code(Prepared(there)), "levels": hash_of_levels(self.levels(run))}
 
     def changed_parts(self, run: RunConfig, code: Mapping[str, str]) -> list[str]:
         """Names of the parts of ``code``, today's, that were others when this run's agent was tested so; none where it was not.

@@ -5,6 +5,7 @@ import inspect
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ from experiments.settings import (
 from segar.cli import load_levels
 from segar.envs import VectorEnv
 from segar.errors import LevelError, RuleError, SegarError, did_you_mean
-from segar.language import Order, code_place
+from segar.language import Order, Task, code_place
 from segar.levels import LevelDistribution, Levels, family
 from segar.metrics import design, matched_set, w2
 from segar.observations import OBSERVATIONS, trained_on
@@ -77,11 +78,9 @@ class LevelFile:
         return self.levels[order[:n]]
 
 
-def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
-    """Training and test levels (:class:`segar.levels.Levels`); raises :class:`ConfigError` for an unknown distribution."""
-    train, test = (distribution_of(config, which) for which in ("train", "test"))
-    test_levels = test.sample(config.test_count, seed=config.test_seed, split="test")
-    return pick_levels(train, config, test_levels), test_levels
+def make_levels(config: LevelsConfig) -> tuple[Levels, Levels]:
+    """Training and test levels; raises :class:`ConfigError` for an unknown distribution."""
+    return Prepared(RunConfig(levels=config)).level_sets
 
 
 def distribution_of(config: LevelsConfig, which: str) -> Any:
@@ -207,6 +206,119 @@ def find_distribution(name: str, place: str) -> Any:
         raise ConfigError(f"{place}: there is no level family or suite '{name}'.{near}") from error
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """A configuration with what its names stand for: each is made once, when it is first asked for.
+
+    What cannot be made raises :class:`ConfigError` then.
+    """
+
+    config: RunConfig
+
+    @cached_property
+    def train_distribution(self) -> Any:
+        """What the training levels are drawn from."""
+        return distribution_of(self.config.levels, "train")
+
+    @cached_property
+    def test_distribution(self) -> Any:
+        """What the test levels are drawn from."""
+        return distribution_of(self.config.levels, "test")
+
+    @cached_property
+    def level_sets(self) -> tuple[Levels, Levels]:
+        """The training and the test levels."""
+        levels = self.config.levels
+        train, test = self.train_distribution, self.test_distribution
+        test_levels = test.sample(levels.test_count, seed=levels.test_seed, split="test")
+        return pick_levels(train, levels, test_levels), test_levels
+
+    @cached_property
+    def task_name(self) -> str:
+        """The name of the task that is played, on all levels of a run: the one that is chosen, or that of the training levels.
+
+        Raises:
+            ConfigError: a level file names a task that is not built in, or a variation gives named levels another task.
+        """
+        config = self.config
+        if config.task.name != OWN_TASK:
+            return config.task.name
+        found, chosen = self.train_distribution, config.resolved().task.name
+        levels = found if isinstance(found, LevelDistribution | LevelFile) else found.sample(1, seed=0, split="train")
+        name = levels.task or DEFAULT_TASK
+        if isinstance(found, LevelFile) and name not in KNOWN_TASKS:
+            raise ConfigError(
+                f"levels.train: the levels of {found.path} were saved for the task '{name}', which a level file does not hold;"
+                f" give task={name}"
+            )
+        if chosen not in (OWN_TASK, name):
+            raise ConfigError(
+                f"levels.variation: {config.levels.variation} gives levels for the task '{name}', and those of"
+                f" {config.levels.train} are for '{chosen}'. Choose one of them: task={name} or task={chosen}"
+            )
+        return name
+
+    @cached_property
+    def task(self) -> Task:
+        """The task that is played on all levels of the run."""
+        config, own = self.config, self.config.task.name == OWN_TASK
+        _import_own_levels(config.levels)
+        suite = levels_of_suite(config.levels.train, "train", "levels.train")
+        if suite and own:
+            return suite.task_of(config)
+        place = f"levels.train: the task that {config.levels.train} names" if own else "task.name"
+        return _find(self.task_name, config.task.options, "task", place)
+
+    @cached_property
+    def observations(self) -> Mapping[str, Any]:
+        """What the agent observes of the ``"train"`` and of the ``"test"`` levels, which look different in some suites."""
+        _import_own_levels(self.config.levels)
+        seen = {which: observation_seen(self.config, which) for which in ("train", "test")}
+        return {which: _find(one.name, one.options, "observation", "observation.name") for which, one in seen.items()}
+
+    def check_names(self) -> None:
+        """Raises :class:`ConfigError` if the levels, the task or the observation cannot be made.
+
+        Levels may define what the others name, so they are first.
+        """
+        _ = self.train_distribution, self.test_distribution, self.task, self.observations
+
+    def env_options(
+        self, num_envs: int | None = None, train: Levels | None = None, which: str = "train"
+    ) -> dict[str, Any]:
+        """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states, for any levels.
+
+        Args:
+            num_envs: how many environments a policy steps at a time; few of them are stepped by fewer threads.
+            train: the levels that the agent is trained on, whatever levels it plays: what it observes may depend on them.
+                None where nothing is played, or training levels are.
+            which: whether the ``"train"`` or the ``"test"`` levels of the run are played.
+        """
+        most = self.config.num_threads if num_envs is None else max(num_envs // ENVS_PER_THREAD, 1)
+        task, seen = self.task, self.observations[which]
+        return {
+            "observation": seen if train is None else trained_on(seen, train),
+            "task": task,
+            "num_threads": min(self.config.num_threads, most),
+            "trials": self.config.trials,
+            "unit_actions": True,  # which policies give, whatever the range of the task
+        }
+
+
+def environment_options(
+    config: RunConfig, num_envs: int | None = None, train: Levels | None = None, which: str = "train"
+) -> dict[str, Any]:
+    """:meth:`Prepared.env_options` of a configuration of which nothing else is wanted."""
+    return Prepared(config).env_options(num_envs, train, which)
+
+
+def _import_own_levels(config: LevelsConfig) -> None:
+    """Imports the modules of own levels, which may define what a task or an observation names, such as a parameter."""
+    for setting, name in as_data(config).items():
+        if isinstance(name, str) and OBJECT_NAME.fullmatch(name):
+            import_object(name, f"levels.{setting}")
+
+
 def observation_seen(config: RunConfig, which: str = "train") -> ObservationConfig:
     """What an agent of these settings observes of the ``"train"`` or the ``"test"`` levels: its suite may hide or show things.
 
@@ -217,73 +329,21 @@ def observation_seen(config: RunConfig, which: str = "train") -> ObservationConf
     return config.observation if suite is None else observation_of_suite(suite.suite, config.observation, which)
 
 
-def environment_options(
-    config: RunConfig, num_envs: int | None = None, train: Levels | None = None, which: str = "train"
-) -> dict[str, Any]:
-    """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states, for any levels.
-
-    Args:
-        num_envs: how many environments a policy steps at a time; few of them are stepped by fewer threads.
-        train: the levels that the agent is trained on, whatever levels it plays: what it observes may depend on them.
-            None where nothing is played, or training levels are.
-        which: whether the ``"train"`` or the ``"test"`` levels of the run are played, which look different in some suites.
-
-    Raises:
-        ConfigError: there is no such observation or task.
-    """
-    # The modules of own levels may define what an observation names, such as a parameter.
-    for setting, name in as_data(config.levels).items():
-        if isinstance(name, str) and OBJECT_NAME.fullmatch(name):
-            import_object(name, f"levels.{setting}")
-    is_own = config.task.name == OWN_TASK
-    place = f"levels.train: the task that {config.levels.train} names" if is_own else "task.name"
-    suite = levels_of_suite(config.levels.train, "train", "levels.train")
-    task = suite.task_of(config) if suite and is_own else _find(task_name(config), config.task.options, "task", place)
-    most = config.num_threads if num_envs is None else max(num_envs // ENVS_PER_THREAD, 1)
-    observed = observation_seen(config, which)
-    seen = _find(observed.name, observed.options, "observation", "observation.name")
-    return {
-        "observation": seen if train is None else trained_on(seen, train),
-        "task": task,
-        "num_threads": min(config.num_threads, most),
-        "trials": config.trials,
-        "unit_actions": True,  # which policies give, whatever the range of the task
-    }
-
-
 def task_name(config: RunConfig) -> str:
-    """The name of the task that is played, on all levels of a run: the one that is chosen, or that of the training levels.
-
-    Raises:
-        ConfigError: a level file names a task that is not built in, or a variation gives named levels another task.
-    """
-    if config.task.name != OWN_TASK:
-        return config.task.name
-    found, chosen = distribution_of(config.levels, "train"), config.resolved().task.name
-    levels = found if isinstance(found, LevelDistribution | LevelFile) else found.sample(1, seed=0, split="train")
-    name = levels.task or DEFAULT_TASK
-    if isinstance(found, LevelFile) and name not in KNOWN_TASKS:
-        raise ConfigError(
-            f"levels.train: the levels of {found.path} were saved for the task '{name}', which a level file does not hold;"
-            f" give task={name}"
-        )
-    if chosen not in (OWN_TASK, name):
-        raise ConfigError(
-            f"levels.variation: {config.levels.variation} gives levels for the task '{name}', and those of"
-            f" {config.levels.train} are for '{chosen}'. Choose one of them: task={name} or task={chosen}"
-        )
-    return name
+    """:attr:`Prepared.task_name` of a configuration of which nothing else is wanted."""
+    return Prepared(config).task_name
 
 
-def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
+def check_observations(prepared: Prepared, train: Levels, test: Levels) -> None:
     """Raises :class:`ConfigError` if the agent would not observe the same numbers in the test levels as in training, or could
     not play its task there."""
-    seen = VectorEnv(train, 1, seed=0, **environment_options(config, train=train))
+    config = prepared.config
+    seen = VectorEnv(train, 1, seed=0, **prepared.env_options(train=train))
     try:
-        shown = VectorEnv(test, 1, seed=0, **environment_options(config, train=train, which="test"))
+        shown = VectorEnv(test, 1, seed=0, **prepared.env_options(train=train, which="test"))
     except RuleError as error:
         raise ConfigError(
-            f"levels.test: the task {task_name(config)} of the training levels cannot be played in levels of"
+            f"levels.test: the task {prepared.task_name} of the training levels cannot be played in levels of"
             f" {config.levels.test_distribution}: {str(error).partition('; choose the task')[0]}. Test on levels that have what"
             " the task needs"
         ) from error
@@ -301,7 +361,7 @@ def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
     )
 
 
-def check_results(config: RunConfig, train: Levels, test: Levels) -> list[str]:
+def check_results(prepared: Prepared, train: Levels, test: Levels) -> list[str]:
     """The names of the results that are several numbers per environment, of which tables have no columns, where the task is
     the user's.
 
@@ -309,7 +369,7 @@ def check_results(config: RunConfig, train: Levels, test: Levels) -> list[str]:
         ConfigError: a result cannot be computed of the states at a reset, twice the same, or is no number.
     """
     several: dict[str, None] = {}
-    options = environment_options(config, train=train)
+    options = prepared.env_options(train=train)
     for levels in (train, test):
         env = VectorEnv(levels, RESULT_ENVS, seed=0, **options)
         _, info = env.reset()
@@ -338,7 +398,7 @@ def check_results(config: RunConfig, train: Levels, test: Levels) -> list[str]:
                     " or count its calls, so nobody could repeat it. Compute it from the factors alone"
                 )
         env.close()
-    return [] if task_name(config) in KNOWN_TASKS else list(several)
+    return [] if prepared.task_name in KNOWN_TASKS else list(several)
 
 
 def _find(name: str, options: Mapping[str, Any], group: str, place: str) -> Any:

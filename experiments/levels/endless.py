@@ -4,9 +4,9 @@ import inspect
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.levels.builders import LevelFile, distribution_of
+from experiments.levels.builders import LevelFile, Prepared
 from experiments.levels.suite_levels import SuiteLevels
-from experiments.settings import ConfigError, LevelsConfig
+from experiments.settings import ConfigError
 from segar.levels import Levels
 
 BLOCK = 512  # levels that are drawn at once, which takes little longer than to draw a tenth of them
@@ -49,13 +49,13 @@ class Stream:
         self.next, self.block = index, None
 
 
-def stream_of(config: LevelsConfig) -> Stream:
+def stream_of(prepared: Prepared) -> Stream:
     """The stream of training levels that the settings name, from its beginning.
 
     Raises:
         ConfigError: their distribution has no levels without end.
     """
-    found = distribution_of(config, "train")
+    found, config = prepared.train_distribution, prepared.config.levels
     if isinstance(found, SuiteLevels):
         return Stream(found.suite.train, config.seed, found.suite.test_levels)
     if isinstance(found, LevelFile):
@@ -71,7 +71,7 @@ def stream_of(config: LevelsConfig) -> Stream:
     return Stream(found, config.seed)
 
 
-def target_of(config: LevelsConfig) -> Any:
+def target_of(prepared: Prepared) -> Any:
     """What training levels are meant to be drawn from: the distribution behind a suite, a file or a fixed set."""
-    found = distribution_of(config, "train")
+    found = prepared.train_distribution
     return found.suite.train if isinstance(found, SuiteLevels) else found

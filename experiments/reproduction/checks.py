@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from experiments.evaluation.transfers import RunTask
-from experiments.levels.builders import check_observations, distribution_of, environment_options
+from experiments.levels.builders import Prepared, check_observations, distribution_of, environment_options
 from experiments.reproduction.experiment_file import (
     FEWEST_BLOCKS,
     OF_GRID,
@@ -77,7 +77,9 @@ def check_transfers(works: Iterable[RunTask]) -> None:
                 continue
             seen.add(kind)
             try:
-                check_observations(run, *(distribution_of(there, which).sample(1) for which in ("train", "test")))
+                check_observations(
+                    Prepared(run), *(distribution_of(there, which).sample(1) for which in ("train", "test"))
+                )
             except ConfigError as error:
                 raise ConfigError(f"transfers: {transfer.label}: {error}") from error
 

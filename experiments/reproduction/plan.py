@@ -13,6 +13,7 @@ from typing import Any
 
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
+from experiments.levels.builders import Prepared
 from experiments.reproduction.checks import (
     check_claims,
     check_groups,
@@ -177,7 +178,7 @@ def changed_code(works: Collection[RunTask]) -> Changed:
             continue
         levels = dataclasses.replace(run.levels, seed=0, count=1)
         key = repr((levels, run.task, run.observation, run.algorithm))
-        codes[key] = codes.get(key) or executed_code(run)
+        codes[key] = codes.get(key) or executed_code(Prepared(run))
         runs = found.finished if is_finished(folder) else found.unfinished
         is_begun = is_finished(folder) or (folder / CHECKPOINT).exists()
         if is_begun and (parts := changed_parts(folder, codes[key])):

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import segar
-from experiments.levels.builders import LevelFile, distribution_of, environment_options, observation_seen, task_name
+from experiments.levels.builders import LevelFile, Prepared, observation_seen
 from experiments.runs.own_files import file_digest, own_files
 from experiments.runs.own_modules import find_file, modules_named, modules_reached
 from experiments.runs.run_folder import VERSIONS, read_versions
@@ -33,7 +33,7 @@ SAMPLER = ("levels", "noise", "language")
 PROBED = 8  # levels of each distribution that are looked at
 
 
-def executed_code(config: RunConfig) -> dict[str, str]:
+def executed_code(prepared: Prepared) -> dict[str, str]:
     """Name of each part, and of each file of the user's own, to sixteen hexadecimal digits, for the run with these settings.
 
     The parts are ``kernel``, ``levels`` (some that the distributions give), ``learner``, ``curriculum`` where levels are
@@ -42,9 +42,10 @@ def executed_code(config: RunConfig) -> dict[str, str]:
     Raises:
         ConfigError: a file of the user's own was edited after this process had imported it.
     """
+    config = prepared.config
     learner = config.algorithm.learner.partition(":")[0]
     choosers = sorted({one.partition(":")[0] for one in _choosers(config)})
-    parts = {**played_code(config), "learner": fingerprint(learner)}
+    parts = {**played_code(prepared), "learner": fingerprint(learner)}
     if choosers:
         parts["curriculum"] = _digest(fingerprint(module).encode() for module in sorted({CHOICE, *choosers}))
     return {**parts, **_files_of([learner, *choosers, *modules_named(as_data(config))], config)}
@@ -57,10 +58,11 @@ def _choosers(config: RunConfig) -> list[str]:
     return [UniformConfig.chooser] if config.levels.is_endless else []
 
 
-def played_code(config: RunConfig) -> dict[str, str]:
+def played_code(prepared: Prepared) -> dict[str, str]:
     """The part of :func:`executed_code` that an agent meets: its levels, its task and its observation, without the learner."""
+    config = prepared.config
     named = [as_data(part) for part in (config.levels, config.task, config.observation)]
-    return {**_played(config), **_files_of(modules_named([*named, task_name(config)]), config)}
+    return {**_played(prepared), **_files_of(modules_named([*named, prepared.task_name]), config)}
 
 
 def code_of(settings: Any) -> dict[str, str]:
@@ -73,9 +75,9 @@ def files_of_code(code: Mapping[str, str] | str) -> dict[str, str]:
     return {} if isinstance(code, str) else {name: content for name, content in code.items() if "/" in name}
 
 
-def probed_levels(config: RunConfig, split: str) -> Levels:
+def probed_levels(prepared: Prepared, split: str) -> Levels:
     """The first levels of the training or the test distribution."""
-    found = distribution_of(config.levels, split)
+    found = prepared.train_distribution if split == "train" else prepared.test_distribution
     count = min(PROBED, len(found)) if isinstance(found, LevelFile) else PROBED
     return found.sample(count, seed=0, split=split)
 
@@ -109,16 +111,16 @@ def fingerprint(module: str) -> str:
     return _digest(normalised(path) for _, path in sorted(modules_reached(module).items()))
 
 
-def _played(config: RunConfig) -> dict[str, str]:
+def _played(prepared: Prepared) -> dict[str, str]:
     """The parts for levels, task and observation."""
-    task = environment_options(config)["task"]
-    train, test = (probed_levels(config, split) for split in ("train", "test"))
+    task = prepared.task
+    train, test = (probed_levels(prepared, split) for split in ("train", "test"))
     parts = {
         "kernel": _digest([generate(train.layout, world_of(train), task.functions()).text.encode()]),
         "levels": _digest([hash_of_levels(train).encode(), hash_of_levels(test).encode()]),
     }
     parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
-    if "textures" in observation_seen(config).name:
+    if "textures" in observation_seen(prepared.config).name:
         parts["textures"] = _library(("textures",))
     return parts
 

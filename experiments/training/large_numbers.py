@@ -5,10 +5,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from experiments.levels.builders import environment_options
-from experiments.settings import RunConfig
+from experiments.levels.builders import Prepared
 from segar.envs import VectorEnv
-from segar.levels import Levels
 from segar.observations import StateVector
 
 LARGE = 10.0  # a network whose weights start at the usual size learns badly from numbers beyond
@@ -16,7 +14,7 @@ SHARE = 0.01  # of the states; speeds exceed LARGE in fewer, after a collision
 NUM_ENVS, MOST_STEPS = 8, 200
 
 
-def large_numbers(config: RunConfig, levels: Levels) -> dict[str, float]:
+def large_numbers(prepared: Prepared) -> dict[str, float]:
     """The numbers that exceed ``LARGE`` in more than ``SHARE`` of the states of random play, and the largest of each.
 
     One episode's steps in ``NUM_ENVS`` environments are played, at most ``MOST_STEPS``. The environments, their seed and
@@ -26,11 +24,11 @@ def large_numbers(config: RunConfig, levels: Levels) -> dict[str, float]:
     Returns:
         The largest absolute value by the number's name, such as ``golfball.Hits``.
     """
-    options = environment_options(config)
+    options = prepared.env_options()
     state = options["observation"] if not isinstance(options["observation"], str) else None
     if not isinstance(state, StateVector) or state.mask == "dict":
         return {}
-    env = VectorEnv(levels, NUM_ENVS, seed=0, **options)
+    env = VectorEnv(prepared.level_sets[0], NUM_ENVS, seed=0, **options)
     names = env.observation.names  # type: ignore[attr-defined]
     rng = np.random.default_rng(0)
     seen, _ = env.reset()
@@ -46,13 +44,13 @@ def large_numbers(config: RunConfig, levels: Levels) -> dict[str, float]:
     return {names[k]: float(sizes[:, k].max()) for k in np.flatnonzero(is_large)}
 
 
-def advice(found: Mapping[str, float], config: RunConfig) -> str:
+def advice(found: Mapping[str, float], prepared: Prepared) -> str:
     """What to say of the numbers that :func:`large_numbers` found: their names, and the settings that scale them."""
     factors: dict[str, float] = {}
     for name, value in found.items():
         factor = name.split(".")[1]
         factors[factor] = max(factors.get(factor, 0.0), value)
-    known = config.observation.options.get("scale", {})
+    known = prepared.config.observation.options.get("scale", {})
     overrides = [
         f"observation.options.scale.{factor}={_round_up(value * known.get(factor, 1.0)):g}"
         for factor, value in factors.items()

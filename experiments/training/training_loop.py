@@ -14,7 +14,7 @@ from experiments.commands.signals import SignalMonitor
 from experiments.curricula.played_log import PLAYED_SCHEMA
 from experiments.curricula.training_levels import TrainingLevels
 from experiments.evaluation.episodes import mean_figures, play_in_modes
-from experiments.levels.builders import environment_options
+from experiments.levels.builders import Prepared
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import (
     METRIC_SCHEMA,
@@ -27,7 +27,6 @@ from experiments.runs.run_folder import (
 )
 from experiments.settings import ACTION_MODES, CheckpointError, RunConfig, TrainingError
 from experiments.training.progress import Progress
-from segar.levels import Levels
 
 
 @dataclass
@@ -49,16 +48,21 @@ class History:
 class Training:
     """A run in training: its learner, the figures so far, and the folder to which they are written."""
 
-    config: RunConfig
+    prepared: Prepared
     folder: Path
     learner: Learner
+    env: Any
     journal: Journal
     signals: SignalMonitor
-    levels: Levels  # of training
     code: Mapping[str, str]  # that the run executes
     chosen: TrainingLevels | None = None  # what chooses the training levels, where something does
     history: History = field(default_factory=History)
     seconds: float = 0.0  # of training, also in processes before this one
+
+    @property
+    def config(self) -> RunConfig:
+        """The settings of the run."""
+        return self.prepared.config
 
     def resume(self, hashes: Mapping[str, str], say: Callable[[str], None]) -> None:
         """Restores the run's last checkpoint, if there is one.
@@ -86,8 +90,8 @@ class Training:
             self.chosen.load_state_dict(extra["levels"], [row for row in played if row["frames"] <= frames])
         say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
 
-    def train(self, test: Levels) -> None:
-        """Iterates until the budget is used up; evaluates on the levels ``test`` every ``evaluation.interval`` frames.
+    def train(self) -> None:
+        """Iterates until the budget is used up; evaluates on the test levels every ``evaluation.interval`` frames.
 
         Raises:
             TrainingError: a figure or a weight is not finite. The last checkpoint is from before that.
@@ -106,7 +110,7 @@ class Training:
                 figures = self.iterate()
                 progress.update(learner.frames, figures)
                 if _crossed(before, learner.frames, config.evaluation.interval):
-                    self.history.log(self.evaluate(test), learner.frames, self.seconds)
+                    self.history.log(self.evaluate(), learner.frames, self.seconds)
                 is_time = time.monotonic() - saved > config.checkpoint_interval
                 if is_time or learner.frames >= total or self.signals.pending:
                     self.save()
@@ -146,9 +150,10 @@ class Training:
         if self.chosen is not None:
             write_rows(self.folder / PLAYED, self.chosen.log.rows, PLAYED_SCHEMA)
 
-    def evaluate(self, test: Levels) -> dict[str, float]:
-        """Mean figures on the levels ``test``, one episode each, in both action modes."""
-        options = environment_options(self.config, train=self.levels, which="test")
+    def evaluate(self) -> dict[str, float]:
+        """Mean figures on the test levels, one episode each, in both action modes."""
+        train, test = self.prepared.level_sets
+        options = self.prepared.env_options(train=train, which="test")
         seed = self.config.evaluation.seed
         rows = play_in_modes(self.learner.policy, "test", test, options, seed)
         figures: dict[str, float] = {}

@@ -4,16 +4,15 @@ from typing import Any
 
 import numpy as np
 
-from experiments.levels.builders import environment_options
-from experiments.settings import RunConfig
+from experiments.levels.builders import Prepared
 from segar.envs import VectorEnv
-from segar.levels import Levels
 
 NUM_ENVS = 8
 
 
-def advice_on_trials(config: RunConfig, levels: Levels, policy: Any) -> list[str]:
+def advice_on_trials(prepared: Prepared, policy: Any) -> list[str]:
     """Warnings, where there are several trials and the policy has no memory, or it pays never to end one."""
+    config = prepared.config
     if config.trials == 1:
         return []
     if not hasattr(policy, "begin"):
@@ -23,9 +22,9 @@ def advice_on_trials(config: RunConfig, levels: Levels, policy: Any) -> list[str
             " chance alone, so that the adaptation gain says nothing of it. An algorithm with a memory adapts:"
             " algorithm=ppo_recurrent"
         ]
-    if getattr(config.algorithm, "joins_trials", False) and trials_cost(config, levels):
+    if getattr(config.algorithm, "joins_trials", False) and trials_cost(prepared):
         return [
-            f"warning: trials={config.trials}, and the task {environment_options(config)['task'].name} rewards the first step"
+            f"warning: trials={config.trials}, and the task {prepared.task.name} rewards the first step"
             " with less than 0 everywhere. Returns go on over the trials of a level, so an agent that ends a trial early begins"
             " the next one and its costs early, and may learn not to end any. algorithm.joins_trials=false ends the return with"
             " each trial and keeps the memory (algorithm=ppo_recurrent_trials); or reward success"
@@ -33,10 +32,10 @@ def advice_on_trials(config: RunConfig, levels: Levels, policy: Any) -> list[str
     return []
 
 
-def trials_cost(config: RunConfig, levels: Levels) -> bool:
+def trials_cost(prepared: Prepared) -> bool:
     """Whether a step of random play at the start of an episode has a negative reward in each of ``NUM_ENVS`` environments,
     which are this function's own."""
-    env = VectorEnv(levels, NUM_ENVS, seed=0, **environment_options(config))
+    env = VectorEnv(prepared.level_sets[0], NUM_ENVS, seed=0, **prepared.env_options())
     env.reset()
     space: Any = env.action_space
     actions = np.random.default_rng(0).uniform(space.low, space.high)

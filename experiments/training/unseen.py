@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.levels.builders import environment_options
+from experiments.levels.builders import Prepared
 from experiments.runs.level_prints import is_own
-from experiments.settings import RunConfig
 from segar.envs import VectorEnv
 from segar.language import Factor, Parameter, Position
 from segar.levels import Levels
@@ -19,7 +18,7 @@ Hidden = Mapping[str, list[type[Factor]]]
 Values = dict[tuple[str, type[Factor]], np.ndarray]  # of an entity's factor, [level or environment, component]
 
 
-def unseen_entities(config: RunConfig, train: Levels, test: Levels) -> dict[str, list[str]]:
+def unseen_entities(prepared: Prepared) -> dict[str, list[str]]:
     """The abstract entities of which the agent sees nothing, and their factors that differ between levels or change in play.
 
     An entity is abstract if it has no position. A state shows abstract entities only if its ``entities`` name them, so that
@@ -29,9 +28,9 @@ def unseen_entities(config: RunConfig, train: Levels, test: Levels) -> dict[str,
     Returns:
         The names of factors by the name of the entity.
     """
-    options = environment_options(config)
+    (train, test), options = prepared.level_sets, prepared.env_options()
     state = options["observation"]
-    if not (is_own(config.levels.train) and isinstance(state, StateVector) and state.entities is None):
+    if not (is_own(prepared.config.levels.train) and isinstance(state, StateVector) and state.entities is None):
         return {}
     hidden = {
         slot.name: [f for f in dict.fromkeys(f for kind in slot.types for f in kind.declared) if state.has_number_of(f)]
@@ -51,29 +50,33 @@ def unseen_entities(config: RunConfig, train: Levels, test: Levels) -> dict[str,
     return found
 
 
-def advice_on_entities(found: Mapping[str, list[str]], config: RunConfig, train: Levels) -> str:
+def advice_on_entities(found: Mapping[str, list[str]], prepared: Prepared) -> str:
     """What to say of the entities that :func:`unseen_entities` found, and the setting that shows them."""
-    shown = [slot.name for slot in train.layout.slots if slot.may_have(Position) or slot.name in found]
+    shown = [slot.name for slot in prepared.level_sets[0].layout.slots if slot.may_have(Position) or slot.name in found]
     names = ", ".join(f"{factor} of {name}" for name, factors in found.items() for factor in factors)
     entities = f"entities=[{','.join(shown)}]"
-    fix = f"observation.options.{entities}" if config.observation.name in OBSERVATIONS else f"StateVector({entities})"
+    fix = (
+        f"observation.options.{entities}"
+        if prepared.config.observation.name in OBSERVATIONS
+        else f"StateVector({entities})"
+    )
     return (
         f"warning: the agent does not see {names}, which differs between levels or changes. A state shows entities without a"
         f" position only if they are named: {fix}"
     )
 
 
-def unseen_parameters(config: RunConfig, train: Levels, test: Levels) -> list[str]:
+def unseen_parameters(prepared: Prepared) -> list[str]:
     """The names of the world parameters that differ between levels, of training or of test, and that the agent does not see.
 
     A state shows the parameters that its ``parameters`` name. Nothing is found of those that its ``hidden`` names, nor of
     named families, nor of other observations.
     """
-    state = environment_options(config)["observation"]
-    if not (is_own(config.levels.train) and isinstance(state, StateVector)):
+    state = prepared.observations["train"]
+    if not (is_own(prepared.config.levels.train) and isinstance(state, StateVector)):
         return []
     values: dict[type[Parameter], list[np.ndarray]] = {}
-    for levels in (train, test):
+    for levels in prepared.level_sets:
         for parameter, column in zip(levels.layout.parameters, levels.parameters.T, strict=True):
             values.setdefault(parameter, []).append(column)
     differing = [parameter for parameter, columns in values.items() if len(np.unique(np.concatenate(columns))) > 1]
@@ -81,12 +84,12 @@ def unseen_parameters(config: RunConfig, train: Levels, test: Levels) -> list[st
     return list(dict.fromkeys(parameter.__name__ for parameter in differing if not issubclass(parameter, chosen)))
 
 
-def advice_on_parameters(found: Sequence[str], config: RunConfig) -> str:
+def advice_on_parameters(found: Sequence[str], prepared: Prepared) -> str:
     """What to say of the parameters that :func:`unseen_parameters` found, and the settings that show them or say nothing."""
-    state = environment_options(config)["observation"]
+    state = prepared.observations["train"]
     shown = ",".join(dict.fromkeys([*(parameter.__name__ for parameter in state.chosen_parameters), *found]))
     fix, silence = f"parameters=[{shown}]", f"hidden=[{','.join(found)}]"
-    if config.observation.name in OBSERVATIONS:
+    if prepared.config.observation.name in OBSERVATIONS:
         fix, silence = f"observation.options.{fix}", f"observation.options.{silence}"
     else:
         fix, silence = f"StateVector({fix})", f"StateVector({silence})"

@@ -10,6 +10,7 @@ from experiments.curricula.explorer import Explorer
 from experiments.curricula.level_rows import MADE, LevelRows
 from experiments.curricula.scored_rows import ScoredRows
 from experiments.curricula.training_levels import TrainingLevels
+from experiments.levels.builders import Prepared
 from experiments.levels.endless import stream_of
 from experiments.runs.run_folder import read_metrics, read_played
 from experiments.settings import (
@@ -111,14 +112,17 @@ def test_each_episode_of_endless_training_is_on_another_level(tmp_path):
 
 
 def test_a_stream_gives_the_levels_of_the_training_split_in_their_order():
-    stream, at_once = stream_of(ENDLESS), stream_of(ENDLESS).take(12)
+    stream, at_once = (
+        stream_of(Prepared(RunConfig(levels=ENDLESS))),
+        stream_of(Prepared(RunConfig(levels=ENDLESS))).take(12),
+    )
     assert [*stream.take(5).provenance.indices, *stream.take(7).provenance.indices] == [*at_once.provenance.indices]
-    assert at_once == stream_of(ENDLESS).distribution.sample(12, seed=0, split="train")
+    assert at_once == stream_of(Prepared(RunConfig(levels=ENDLESS))).distribution.sample(12, seed=0, split="train")
 
 
 def test_a_stream_of_a_suite_has_no_level_of_its_test():
     of_suite, name = suite("place-few-v1"), "place-few-v1"
-    levels = stream_of(LevelsConfig(train=name, count="endless")).take(300)
+    levels = stream_of(Prepared(RunConfig(levels=LevelsConfig(train=name, count="endless")))).take(300)
     assert not near_levels(levels, of_suite.test_levels, 0.0, of_suite.train).any()
 
 
@@ -183,7 +187,7 @@ def test_plr_plays_rare_hard_levels_more_than_uniform_does_and_the_log_shows_it(
 @pytest.mark.parametrize("name", ["place-few-v1", "property-heavy-v1", "number-more-v1"])
 def test_children_of_accel_are_levels_of_the_distribution_and_none_of_the_test(name):
     of_suite = suite(name)
-    stream = stream_of(LevelsConfig(train=name, count="endless"))
+    stream = stream_of(Prepared(RunConfig(levels=LevelsConfig(train=name, count="endless"))))
     rows = LevelRows(VectorEnv(stream.take(32), 4, seed=0, task=of_suite.task), stream)
     accel = ACCEL(ACCELConfig(changes=2), rows, Explorer(VectorEnv, 4, (8, 1), 0), seed=0)
     accel.replay.known.score[:] = np.arange(32)

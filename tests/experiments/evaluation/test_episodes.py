@@ -11,6 +11,7 @@ from experiments.evaluation.episodes import (
     evaluation_figures,
     play_episodes,
 )
+from experiments.levels.builders import Prepared
 from experiments.settings import EvaluationConfig, RunConfig
 from segar import family
 from segar.envs import VectorEnv
@@ -95,7 +96,7 @@ def test_a_death_counts_in_the_return_and_not_in_that_of_the_reference():
 def test_training_levels_are_played_equally_often_and_test_levels_once():
     config = RunConfig(evaluation=EvaluationConfig(episodes=10))
     train, test = LEVELS[:4], LEVELS[4:]
-    rows = evaluate_run(Linear(), config, train, test)
+    rows = evaluate_run(Linear(), Prepared(config), train, test)
     for mode in ("deterministic", "sampled"):
         played = {
             name: [r["level"] for r in rows if r["levels"] == name and r["action_mode"] == mode]
@@ -103,11 +104,11 @@ def test_training_levels_are_played_equally_often_and_test_levels_once():
         }
         assert np.bincount(played["train"]).tolist() == [3, 3, 3, 3]  # 10 episodes at least
         assert sorted(played["test"]) == list(range(8))
-    assert evaluate_run(Linear(), config, train, test) == rows
+    assert evaluate_run(Linear(), Prepared(config), train, test) == rows
 
 
 def test_the_gap_is_test_minus_train():
-    rows = evaluate_run(Linear(), RunConfig(evaluation=EvaluationConfig(episodes=4)), LEVELS[:4], LEVELS[4:])
+    rows = evaluate_run(Linear(), Prepared(RunConfig(evaluation=EvaluationConfig(episodes=4))), LEVELS[:4], LEVELS[4:])
     figures = evaluation_figures(rows)
     mean = {
         name: np.mean([r["return"] for r in rows if r["levels"] == name and r["action_mode"] == "sampled"])

@@ -18,6 +18,7 @@ from experiments.algorithms.checkpoint import read_checkpoint
 from experiments.commands.command_line import run_from_command_line
 from experiments.evaluation.episodes import evaluate_run
 from experiments.evaluation.evaluator import choose_levels, evaluate, label, load_agent, mean_returns
+from experiments.levels.builders import Prepared
 from experiments.runs.run_folder import CHECKPOINT, LEVELS_TRAIN, PREVIOUS, read_config, read_episodes, read_summary
 from experiments.runs.run_rows import run_rows, score_warnings
 from experiments.settings import (
@@ -100,7 +101,7 @@ def test_where_rules_draw_evaluation_plays_the_episodes_of_the_trainings_evaluat
     train = segar.Levels.load(trained_in_gusts / LEVELS_TRAIN, world=WINDY.world)
     policy, _ = load_agent(trained_in_gusts, config, train, print)
     more = dataclasses.replace(config, evaluation=EvaluationConfig(episodes=6, distances=()))
-    rows = [row for row in evaluate_run(policy, more, train, train) if row["levels"] == "train"]
+    rows = [row for row in evaluate_run(policy, Prepared(more), train, train) if row["levels"] == "train"]
     assert len(rows) == 12
     assert rows == found.episodes
 

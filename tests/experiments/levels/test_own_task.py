@@ -8,7 +8,7 @@ import pytest
 import segar
 from experiments.commands.hydra_app import compose
 from experiments.evaluation.evaluator import evaluate, find_levels
-from experiments.levels.builders import distribution_of, environment_options, task_name
+from experiments.levels.builders import Prepared, distribution_of, environment_options, task_name
 from experiments.reproduction.checks import check_objects
 from experiments.runs.executed_code import executed_code
 from experiments.runs.run_folder import read_config, read_summary
@@ -121,12 +121,12 @@ def test_each_cell_of_a_grid_has_the_task_of_its_levels(lab):
 
 
 def test_the_code_of_the_levels_task_counts_as_executed(lab):
-    before = executed_code(on("landing_levels:field"))
+    before = executed_code(Prepared(on("landing_levels:field")))
     file = lab / "landing_tasks.py"
     # Of another size: Python takes compiled code for current where neither the second nor the size of its source changed.
     file.write_text(file.read_text().replace("[1]", "[ 0]"))
     sys.modules.pop("landing_tasks")
-    after = executed_code(on("landing_levels:field"))
+    after = executed_code(Prepared(on("landing_levels:field")))
     assert {name for name in after if after[name] != before[name]} == {"kernel", "./landing_tasks.py"}
 
 

@@ -6,6 +6,7 @@ import socket
 
 import pytest
 
+from experiments.levels.builders import Prepared
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds, sharing
 from experiments.runs.executed_code import executed_code
@@ -118,7 +119,7 @@ def test_done_are_runs_whose_transfers_are_finished_too(tmp_path):
 def test_transfers_of_other_code_are_refused_kept_or_made_anew_without_their_runs(tmp_path):
     files = {"harder": {**HARDER, "grid": {"counts": [1], "difficulties": ["easy"]}}}
     (work,) = plan_of(tmp_path, **files).runs
-    write_run(work.run, code=executed_code(work.run))
+    write_run(work.run, code=executed_code(Prepared(work.run)))
     for transfer in work.transfers:
         transfer.folder(work.run).mkdir(parents=True)
         write_json(transfer.folder(work.run) / SUMMARY, {"code": transfer.code(work.run)})
@@ -141,7 +142,7 @@ def test_transfers_of_other_code_are_refused_kept_or_made_anew_without_their_run
 def test_a_plan_counts_the_frames_of_runs_that_are_made_anew(tmp_path, whole):
     files = {"harder": {**HARDER, "grid": {"counts": [1], "difficulties": ["easy"]}}}
     (work,) = plan_of(tmp_path, **files).runs
-    folder = write_run(work.run, code={**executed_code(work.run), "kernel": "another"})
+    folder = write_run(work.run, code={**executed_code(Prepared(work.run)), "kernel": "another"})
     if not whole:
         (folder / SUMMARY).unlink()
         (folder / CHECKPOINT).parent.mkdir()
@@ -161,7 +162,7 @@ def unmade(run, root):
 
 def test_an_unfinished_run_of_other_code_is_refused_before_others_are_trained(tmp_path):
     work = plan_of(tmp_path, main=MAIN).runs[0]
-    folder = write_run(work.run, code={**executed_code(work.run), "kernel": "another"})
+    folder = write_run(work.run, code={**executed_code(Prepared(work.run)), "kernel": "another"})
     (folder / SUMMARY).unlink()
     plan_of(tmp_path, main=MAIN)  # nothing is trained yet
     (folder / CHECKPOINT).parent.mkdir()

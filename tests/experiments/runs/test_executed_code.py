@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import segar
+from experiments.levels.builders import Prepared
 from experiments.runs import executed_code as module
 from experiments.runs.executed_code import (
     combined,
@@ -92,10 +93,10 @@ def test_the_order_of_imports_is_no_code_and_their_names_are(package):
 def test_every_module_that_a_setting_names_counts(package):
     (package / "nets.py").write_text("def tiny(height, width, depth):\n    return None\n")
     named = dataclasses.replace(CONFIG, algorithm=PPOConfig(encoder="my_lab.nets:tiny"))
-    before = executed_code(named)
-    assert set(before) - set(executed_code(CONFIG)) == {"my_lab/__init__.py", "my_lab/nets.py"}
+    before = executed_code(Prepared(named))
+    assert set(before) - set(executed_code(Prepared(CONFIG))) == {"my_lab/__init__.py", "my_lab/nets.py"}
     edited(package / "nets.py", "None", "1")
-    assert differing_parts(before, executed_code(named)) == ["my_lab/nets.py"]
+    assert differing_parts(before, executed_code(Prepared(named))) == ["my_lab/nets.py"]
 
 
 def test_the_text_of_an_error_is_no_code_that_a_run_executes(package):
@@ -120,32 +121,32 @@ def test_the_text_of_an_error_is_no_code_that_a_run_executes(package):
     ],
 )
 def test_an_edit_of_the_library_changes_the_parts_that_execute_it(library, file, parts):
-    before = executed_code(CONFIG)
+    before = executed_code(Prepared(CONFIG))
     path = library / file
     path.write_text(path.read_text() + "\nmore = 1\n")
     module._library.cache_clear()
-    assert differing_parts(before, executed_code(CONFIG)) == parts
+    assert differing_parts(before, executed_code(Prepared(CONFIG))) == parts
 
 
 def test_textures_are_a_part_where_they_are_shown(library):
     textured = dataclasses.replace(CONFIG, observation=ObservationConfig("textures"))
-    plain, before = executed_code(CONFIG), executed_code(textured)
+    plain, before = executed_code(Prepared(CONFIG)), executed_code(Prepared(textured))
     path = next((library / "textures" / "data").glob("*.npz"))
     path.write_bytes(path.read_bytes() + b"more")
     module._library.cache_clear()
-    assert differing_parts(before, executed_code(textured)) == ["textures"]
-    assert executed_code(CONFIG) == plain
+    assert differing_parts(before, executed_code(Prepared(textured))) == ["textures"]
+    assert executed_code(Prepared(CONFIG)) == plain
 
 
 def test_other_rules_are_another_kernel_and_another_algorithm_is_another_learner(package):
     (package / "levels.py").write_text(
         "import segar\n\n\ndef frictionless():\n    return segar.family('empty-easy').with_rules([segar.move])\n"
     )
-    before = executed_code(CONFIG)
+    before = executed_code(Prepared(CONFIG))
     other = dataclasses.replace(CONFIG, levels=dataclasses.replace(CONFIG.levels, train="my_lab.levels:frictionless"))
-    assert differing_parts(before, executed_code(other)) == ["kernel"]
+    assert differing_parts(before, executed_code(Prepared(other))) == ["kernel"]
     sac = dataclasses.replace(CONFIG, algorithm=SACConfig())
-    assert differing_parts(before, executed_code(sac)) == ["learner"]
+    assert differing_parts(before, executed_code(Prepared(sac))) == ["learner"]
 
 
 def test_parts_of_today_and_the_fingerprint_of_0_1_are_compared_and_combined():

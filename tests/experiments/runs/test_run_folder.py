@@ -97,14 +97,14 @@ def test_what_a_folder_holds_stays_where_a_run_that_goes_on_cannot(config, monke
     with killed_after(2, monkeypatch):
         run(config)
     with monkeypatch.context() as patch:
-        patch.setattr(run_module, "make_levels", nothing_to_sample)
+        patch.setattr("experiments.levels.builders.pick_levels", nothing_to_sample)
         with pytest.raises(ConfigError, match="no levels"):
             run(config)
     assert read_journal(Path(config.folder))[-1]["event"] == "failed"
     assert run(config).trained
 
 
-def nothing_to_sample(_):
+def nothing_to_sample(*_):
     raise ConfigError("no levels")
 
 
@@ -278,8 +278,8 @@ def test_no_file_is_ever_seen_half_written(config, monkeypatch, name):
 def test_levels_that_changed_since_the_checkpoint_stop_the_run(config, monkeypatch):
     with killed_after(2, monkeypatch):
         run(config)
-    other = make_levels(dataclasses.replace(config.levels, seed=5))
-    monkeypatch.setattr(run_module, "make_levels", lambda _: other)
+    other = make_levels(dataclasses.replace(config.levels, seed=5))[0]
+    monkeypatch.setattr("experiments.levels.builders.pick_levels", lambda *_: other)
     with pytest.raises(
         CheckpointError, match=r"begun on other levels than those that empty-easy gives now.*restart=true"
     ):

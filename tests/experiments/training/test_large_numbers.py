@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.levels.builders import make_levels
+from experiments.levels.builders import Prepared
 from experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, ScaleConfig, TaskConfig
 from experiments.training.large_numbers import advice, large_numbers
 from experiments.training.run import run
@@ -15,7 +15,7 @@ TASK = TaskConfig(f"{HERE}:task")
 
 def found(options=None, name="state", levels=LEVELS, task=TASK):
     config = RunConfig(levels=levels, task=task, observation=ObservationConfig(name, options or {}))
-    return large_numbers(config, make_levels(levels)[0]), config
+    return large_numbers(Prepared(config)), Prepared(config)
 
 
 @pytest.mark.parametrize("name", ["state", "state_normalised"])
@@ -52,7 +52,7 @@ def test_a_run_warns_once_and_has_the_results_that_it_has_without_the_look(tmp_p
     said = []
     run(short_run(tmp_path / "a", levels=LEVELS, task=TASK), said.append)
     assert sum("large numbers" in line for line in said) == 1
-    monkeypatch.setattr("experiments.training.run.large_numbers", lambda config, levels: {})
+    monkeypatch.setattr("experiments.training.preparation.large_numbers", lambda prepared: {})
     run(short_run(tmp_path / "b", levels=LEVELS, task=TASK), said.append)
     assert figures(tmp_path / "a") == figures(tmp_path / "b")
     assert all((weights(tmp_path / "b")[name] == value).all() for name, value in weights(tmp_path / "a").items())

@@ -6,7 +6,7 @@ from analysis.probes.collection import collect_run
 from experiments.evaluation.evaluator import evaluate
 from experiments.evaluation.transfer_evaluation import evaluate_transfer
 from experiments.evaluation.transfers import Transfer
-from experiments.levels.builders import check_observations, environment_options, make_levels
+from experiments.levels.builders import Prepared, check_observations, environment_options, make_levels
 from experiments.settings import (
     ConfigError,
     EvaluateConfig,
@@ -27,7 +27,7 @@ FEW = {"count": 2, "test_count": 2}
 def check(train, test, observation="state", **options):
     levels = LevelsConfig(train=train, test=test, **FEW)
     config = RunConfig(levels=levels, observation=ObservationConfig(observation, options))
-    check_observations(config, *make_levels(levels))
+    check_observations(Prepared(config), *make_levels(levels))
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_levels_may_define_the_parameter_that_is_observed(tmp_path):
 
 def test_test_levels_are_the_training_ones_where_none_are_named():
     config = RunConfig(levels=LevelsConfig(train="empty-easy", **FEW))
-    check_observations(config, *make_levels(config.levels))
+    check_observations(Prepared(config), *make_levels(config.levels))
 
 
 def test_an_agent_is_tested_in_the_units_that_it_was_trained_in(tmp_path, monkeypatch):

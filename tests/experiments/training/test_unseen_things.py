@@ -3,7 +3,7 @@ with the way out."""
 
 import pytest
 
-from experiments.levels.builders import environment_options, make_levels
+from experiments.levels.builders import Prepared, environment_options, make_levels
 from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
 from experiments.training.run import run
 from experiments.training.unseen import (
@@ -32,17 +32,18 @@ def config_of(levels, options=None, name="state", **more):
 
 def found(levels, options=None, name="state", **more):
     config = config_of(levels, options, name, **more)
-    train, test = make_levels(config.levels)
-    return unseen_entities(config, train, test), config, train
+    prepared = Prepared(config)
+    return unseen_entities(prepared), prepared
 
 
 @pytest.mark.parametrize(
     ("levels", "more"), [("different", {}), ("turning", {}), ("still", {"test": f"{HERE}:different"})]
 )
 def test_an_entity_that_differs_or_turns_is_named_with_the_setting_that_shows_it(levels, more):
-    unseen, config, train = found(levels, **more)
+    unseen, prepared = found(levels, **more)
+    config, train = prepared.config, prepared.level_sets[0]
     assert unseen == {"moon": ["Phase"]}
-    said = advice_on_entities(unseen, config, train)
+    said = advice_on_entities(unseen, prepared)
     assert "the agent does not see Phase of moon" in said and "\n" not in said
     assert said.endswith("observation.options.entities=[golfball,goal,moon]")
     assert found(levels, WAY_OUT, **more)[0] == {}
@@ -67,7 +68,7 @@ def test_a_run_says_it_once_and_has_the_results_that_it_has_without_the_look(tmp
     said, levels = [], LevelsConfig(f"{HERE}:turning", count=2, test_count=2)
     run(short_run(tmp_path / "a", levels=levels), said.append)
     assert sum("does not see Phase of moon" in line for line in said) == 1
-    monkeypatch.setattr("experiments.training.run.unseen_entities", lambda *given: {})
+    monkeypatch.setattr("experiments.training.preparation.unseen_entities", lambda *given: {})
     run(short_run(tmp_path / "b", levels=levels), said.append)
     assert all((weights(tmp_path / "b")[name] == value).all() for name, value in weights(tmp_path / "a").items())
 
@@ -79,7 +80,8 @@ def test_a_factor_that_no_entity_shown_has_comes_with_the_entities_that_have_it(
 
 def unseen_airs(levels, options=None, name="state", **more):
     config = config_of(levels, options, name, **more)
-    return unseen_parameters(config, *make_levels(config.levels)), config
+    prepared = Prepared(config)
+    return unseen_parameters(prepared), prepared
 
 
 @pytest.mark.parametrize(
@@ -95,9 +97,10 @@ def unseen_airs(levels, options=None, name="state", **more):
 def test_a_parameter_that_differs_is_named_with_the_settings_that_show_it_or_end_the_line(
     levels, options, more, names, shown
 ):
-    unseen, config = unseen_airs(levels, options, **more)
+    unseen, prepared = unseen_airs(levels, options, **more)
+    config = prepared.config
     assert sorted(unseen) == names
-    said = advice_on_parameters(sorted(unseen), config)
+    said = advice_on_parameters(sorted(unseen), prepared)
     assert f"does not see {', '.join(names)}, which differ" in said and "\n" not in said
     assert f"only if they are named: observation.options.parameters={shown}." in said
     assert f"observation.options.hidden=[{','.join(names)}] says so" in said
@@ -117,9 +120,9 @@ def test_nothing_is_said_of_parameters_where_none_differs_nor_of_pixels_and_name
 
 
 def test_of_a_table_the_way_out_is_an_observation_beside_it():
-    unseen, config = unseen_airs("airs", {"form": "table"})
+    unseen, prepared = unseen_airs("airs", {"form": "table"})
     assert "named: StateVector(entities=[], parameters=[AirSpeed]) beside the table." in advice_on_parameters(
-        unseen, config
+        unseen, prepared
     )
 
 

@@ -13,7 +13,7 @@ from scipy import stats
 import segar
 from experiments.evaluation.baselines import IdleAgent, ScriptedAgent
 from experiments.evaluation.episodes import distance_figures, evaluate_run, evaluation_figures, play_episodes
-from experiments.levels.builders import environment_options
+from experiments.levels.builders import Prepared, environment_options
 from experiments.settings import EvaluationConfig, RunConfig, TaskConfig
 from segar.evaluation import QUANTITIES, PlayedEpisodes, find_baselines
 from segar.evaluation.policy_evaluation import Evaluation, LevelSetResult, _interval
@@ -44,7 +44,7 @@ def evaluation_of(returns_train, returns_test):
 
 def test_the_numbers_are_those_of_experiments_for_the_same_agent():
     config = RunConfig(evaluation=EvaluationConfig(episodes=len(TRAIN)))
-    theirs = evaluation_figures(evaluate_run(Linear(), config, TRAIN, TEST))
+    theirs = evaluation_figures(evaluate_run(Linear(), Prepared(config), TRAIN, TEST))
     theirs |= distance_figures(TRAIN, TEST, ("exact", "reference"))
     found = segar.evaluate_policy(
         Linear(),
