@@ -73,16 +73,6 @@ def one_of_each(group: Ints, rng: np.random.Generator) -> Ints:
     return order[np.unique(group[order], return_index=True)[1]]
 
 
-def gaussian_information(correlation: Any) -> Any:
-    """-log(1 - rho²) / 2: the information of two Gaussians with that correlation, in nats."""
-    return -0.5 * np.log1p(-np.square(correlation))
-
-
-def equivalent_r2(information: Any) -> Any:
-    """1 - exp(-2 I): the R² of two Gaussians that share ``information`` nats; from 0 to 1."""
-    return -np.expm1(-2 * np.maximum(information, 0))
-
-
 def _count(points: Floats, radius: Floats) -> Ints:
     """How many points, itself among them, lie within the radius of each."""
     return KDTree(points).query_ball_point(points, radius, p=np.inf, return_length=True)

@@ -39,10 +39,8 @@ NOISES = (EVEN, FALLING)
 NOTHING, AT_MARGIN = "nothing", "the margin"
 PLANTED = (NOTHING, AT_MARGIN)
 SEED = 2022
-WITHIN, OVER_PANELS = (
-    (0.0, 1 / 2, 1 / 2),
-    (1 / 3, 1 / 3, 1 / 3),
-)  # of the variance: of panels, of training sets, of runs
+# Shares of the variance: of panels, of training sets, of runs.
+WITHIN, OVER_PANELS = (0.0, 1 / 2, 1 / 2), (1 / 3, 1 / 3, 1 / 3)
 SD = 0.1  # of a difference in success between matched sets of one seed
 # The claims with the columns that are given, the x whose relation to the gap is claimed, and its sign; 0 claims none.
 CORRELATIONS: Mapping[str, tuple[tuple[str, ...], str, int]] = {
@@ -53,9 +51,8 @@ CORRELATIONS: Mapping[str, tuple[tuple[str, ...], str, int]] = {
     "4b-none": (("panel", "levels"), "accuracy", 0),
 }
 MATCHED_FAMILIES, MATCHED_COUNTS = ("empty", "objectsx1", "hazardtilesx1"), (10, 50)
-MATCHED_PAIRS = (
-    2  # of sets that differ in one measure, per seed: with the other measure as in independent sets, and far
-)
+# Pairs of sets that differ in one measure, per seed: with the other measure as in independent sets, and far.
+MATCHED_PAIRS = 2
 
 
 def run(output: Path = Path("error_rates"), simulations: int = 1000, seeds: int = 6, seeds_matched: int = 10) -> None:
@@ -100,7 +97,7 @@ def of_matched_sets(seeds: int, simulations: int) -> Iterator[dict[str, Any]]:
         found = []
         for k in range(simulations):
             values = size + SD * noise_of(grid, np.random.default_rng([SEED, k]), noise)
-            found.append(cluster_jackknife(grid, mean_of, BLOCK, values=values))
+            found.append(cluster_jackknife(grid, np.mean, BLOCK, values=values))
         said = [judge(one, -1, margin) for one in found]
         yield row("matched-w2, matched-coverage", -1, noise, planted, len(grid), said)
 
@@ -134,11 +131,6 @@ def noise_of(grid: pd.DataFrame, rng: np.random.Generator, kind: str, shares: Se
     drawn = sum((np.sqrt(share) * part for share, part in zip(shares, parts, strict=True)), np.zeros(len(grid)))
     scale = 1 / np.sqrt(column(grid, "n")) if kind == FALLING else np.ones(len(grid))
     return drawn * scale / np.sqrt(np.square(scale).mean())
-
-
-def mean_of(values: np.ndarray) -> float:
-    """The mean."""
-    return float(values.mean())
 
 
 def judge(found: Estimate, sign: int, margin: float) -> str:

@@ -9,7 +9,6 @@ import torch
 from analysis.probes import mine_accuracy
 from analysis.probes.critics import CriticSettings, infonce_value, jsd_value, smile_value
 from analysis.probes.information import estimate_bounds, mine_of_2022
-from analysis.probes.nearest import gaussian_information
 from analysis.probes.pairs import Column, Pairs
 from segar.errors import SegarError
 
@@ -74,7 +73,7 @@ def test_bounds_come_near_the_information_of_gaussians(bound):
     z = rng(10).normal(size=(2000, 2))
     x = 0.8 * z + 0.6 * rng(11).normal(size=z.shape)
     _, value = estimate_bounds(pairs_of(x, z), rng(), [bound], replicates=1)[bound]
-    assert value.estimate == pytest.approx(2 * gaussian_information(0.8), rel=0.15)
+    assert value.estimate == pytest.approx(-np.log1p(-(0.8**2)), rel=0.15)  # of two Gaussians, -log(1 - r²) / 2 each
 
 
 def test_the_accuracy_of_gaussians_is_that_of_the_best_critic():
