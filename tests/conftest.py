@@ -51,3 +51,12 @@ def pytest_terminal_summary(terminalreporter) -> None:
 def eager_threads(monkeypatch) -> None:
     """Worker threads join every call, however short."""
     monkeypatch.setattr("segar.support.threads.WORTH_WAKING", -1.0)
+
+
+@pytest.fixture
+def plain_source(monkeypatch) -> None:
+    """Generated source runs as plain Python: where the kernel is not the point, nothing is compiled."""
+    from tests.segar.engine.worlds import plain_module
+
+    monkeypatch.setattr("segar.engine.simulator.load_module", plain_module)
+    monkeypatch.setattr("segar.engine.compiler.kernel.is_plain", lambda: True)

@@ -67,7 +67,13 @@ def learner(kind, **options):
 
 
 @pytest.mark.parametrize(
-    ("kind", "trials"), [*((kind, 1) for kind in KINDS), ("recurrent", 2), ("recurrent, apart", 2), ("ppo", 2)]
+    ("kind", "trials"),
+    [
+        ("ppo", 1),
+        ("recurrent", 2),
+        ("recurrent, apart", 2),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in (("recurrent", 1), ("ppo, stacks", 1), ("ppo", 2))),
+    ],
 )
 def test_ppo_collects_and_learns_on_a_gpu_what_it_does_on_the_processor(kind, trials):
     host, device = learner(kind, trials=trials), learner(kind, trials=trials, device="cuda")

@@ -93,6 +93,7 @@ def command(module, *arguments):
     return subprocess.run([sys.executable, "-m", module, *arguments], env=environment, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_a_sweep_file_of_the_users_own_may_choose_an_algorithm_and_sweep_its_settings(my_lab, tmp_path):
     done = command(
         "experiments.train", "+sweep=my_sweep", *RUN, f"root={tmp_path / 'runs'}", "tracking=none",
@@ -135,6 +136,7 @@ def test_groups_of_a_package_are_found_by_every_command(my_lab, module):
     assert shown["observation"] == {"name": "textures", "options": {"textures": "far"}}
 
 
+@pytest.mark.slow
 def test_a_grid_may_name_choices_of_a_package(my_lab, tmp_path):
     (my_lab / "conf" / "experiment").mkdir()
     grid = {"counts": [1], "algorithms": ["mine"], "observations": ["far_two"], "families": ["empty"], "seeds": 1}

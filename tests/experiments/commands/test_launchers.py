@@ -11,7 +11,7 @@ import pytest
 
 from experiments.commands.hydra_app import compose
 from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, run_folders
+from experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, read_summary, run_folders
 from experiments.settings import CHECKOUT, RunConfig
 from tests.experiments.short_runs import COMMAND
 from tests.waiting import until
@@ -40,6 +40,8 @@ def test_runs_side_by_side_and_the_same_sweep_again_trains_nothing(tmp_path):
     done = sweep(tmp_path, *asked)
     assert done.returncode == 0, done.stderr
     assert seeds(tmp_path / "runs") == [1, 2]
+    one, other = map(read_summary, run_folders(tmp_path / "runs"))
+    assert one != other
     before = {folder: (folder / CHECKPOINT).stat().st_mtime_ns for folder in run_folders(tmp_path / "runs")}
     again = sweep(tmp_path, *asked, "num_threads=2", "progress=true")  # which decide nothing
     assert again.returncode == 0, again.stderr

@@ -62,20 +62,6 @@ def test_a_run_from_another_working_directory_leaves_its_folder_and_nothing_else
     assert f"run folder                  {folder}" in done.stdout
     assert (tmp_path / "runs" / "mlflow.db").exists()
     assert list(elsewhere.iterdir()) == []
-    again = command(elsewhere, *TINY, "seed=3", f"root={tmp_path / 'runs'}")
-    assert again.returncode == 0
-    assert "finished before, nothing to do" in again.stdout
-
-
-def test_a_sweep_over_seeds_runs_side_by_side(tmp_path, elsewhere):
-    sweep = ("--multirun", *TINY, "seed=1,2", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
-    done = command(elsewhere, *sweep, f"root={tmp_path / 'runs'}", "tracking=none")
-    assert done.returncode == 0, done.stderr
-    folders = sorted((tmp_path / "runs").iterdir())
-    assert [read_config(folder).seed for folder in folders] == [1, 2]
-    assert all({path.name for path in folder.iterdir()} == FILES for folder in folders)
-    assert read_summary(folders[0]) != read_summary(folders[1])
-    assert [path.name for path in elsewhere.iterdir()] == ["multirun"]  # which git ignores
 
 
 def test_a_sweep_with_wrong_runs_finishes_the_others_and_names_all(tmp_path, elsewhere):

@@ -58,7 +58,12 @@ CHOSEN = {
 }
 
 
-@pytest.mark.parametrize("name", CHOSEN)
+QUICK = ("endless", "uniform", "plr", "accel", "sfl")  # the others are variants of these
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in CHOSEN]
+)
 def test_an_interrupted_run_ends_like_one_that_was_not_interrupted_to_the_bit(name, tmp_path, monkeypatch):
     curriculum, algorithm = CHOSEN[name]
     whole, parts = (

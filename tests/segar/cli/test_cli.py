@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
@@ -55,13 +54,12 @@ def test_the_source_that_is_shown_is_the_one_that_runs(capsys, tmp_path, monkeyp
     compile(text, "shown", "exec")
 
 
-def test_what_was_compiled_is_there_already_the_next_time(tmp_path):
-    environment = os.environ | {"SEGAR_CACHE_DIR": str(tmp_path)}
-    said = []
-    for _ in range(2):
-        command = [sys.executable, "-m", "segar", "compile", "empty-easy", "empty-hard", "--task", "puttputt"]
-        run = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-        said.append(run.stdout)
+def test_what_was_compiled_is_there_already_the_next_time(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path))
+    arguments = ["compile", "empty-easy", "empty-hard", "--task", "puttputt"]
+    command = [sys.executable, "-m", "segar", *arguments]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    said = [run.stdout, shown(capsys, *arguments)]
     (path,) = tmp_path.glob("k_*.py")
     assert re.match(rf"{path.stem}  compiled in \d+\.\d s +puttputt-squared  empty-easy, empty-hard\n", said[0])
     assert re.match(rf"{path.stem}  there already +puttputt-squared  empty-easy, empty-hard\n", said[1])

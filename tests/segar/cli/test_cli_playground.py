@@ -87,17 +87,18 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_page_is_that_of_the_library(capsys, tmp_path):
     page = tmp_path / "page.html"
     said = json.loads(
-        shown(capsys, "empty-easy", "-n", 3, "--seed", 2, "--test", "empty-hard", "--observation", "state", "rgb",
+        shown(capsys, "empty-easy", "-n", 3, "--seed", 2, "--test", "empty-hard", "--observation", "state",
               "-o", page, "--json")
     )  # fmt: skip
     easy, hard = segar.family("empty-easy"), segar.family("empty-hard")
-    made = make_playground(easy.sample(3, seed=2), hard.sample(3, seed=2, split="test"), observations=("state", "rgb"))
+    made = make_playground(easy.sample(3, seed=2), hard.sample(3, seed=2, split="test"), observations=("state",))
     assert page.read_text() == made.html
     assert (said["file"], said["bytes"], said["levels"]) == (str(page), page.stat().st_size, 3)
     assert said["test_levels"] == 3 and said["seconds"] > 0
     easy.sample(4, seed=2).save(tmp_path / "levels.npz")
-    shown(capsys, tmp_path / "levels.npz", "-n", 3, "-o", page)
-    assert page.read_text() == make_playground(segar.Levels.load(tmp_path / "levels.npz")[:3]).html
+    shown(capsys, tmp_path / "levels.npz", "-n", 3, "--observation", "state", "-o", page)
+    expected = make_playground(segar.Levels.load(tmp_path / "levels.npz")[:3], observations=("state",))
+    assert page.read_text() == expected.html
 
 
 def test_a_notebook_shows_a_page_in_a_frame():

@@ -15,6 +15,7 @@ from segar.levels.named_families import family
 from segar.rules import accelerate, move
 from segar.rules.world import World
 from tests.segar.engine.random_rules import Author, mixed_levels
+from tests.segar.engine.worlds import uncompiled
 
 
 @pytest.fixture(scope="session")
@@ -33,11 +34,11 @@ def sampled() -> Callable[[str], tuple[Simulator, Levels]]:
 
 @pytest.fixture(scope="session")
 def table() -> tuple[Simulator, Levels]:
-    """The compiled default world of a golf ball, three balls and a goal in a corner, in one level."""
+    """The default world of a golf ball, three balls and a goal in a corner, in one level; its source runs as Python."""
     places = [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (-0.5, 0.0)]
     balls = [Ball({Position: p, ID: f"ball{n}"}) for n, p in enumerate(places[1:], 1)]
     levels = Levels.from_entities([[GolfBall({Position: places[0]}), GoalTile({Position: (0.85, 0.85)}), *balls]])
-    return Simulator(World(), levels.layout), levels
+    return uncompiled(World(), levels.layout), levels
 
 
 @pytest.fixture(scope="session")

@@ -158,11 +158,11 @@ def after(engine: str, rules: Sequence[Any], levels: Levels, n: int = 1, key: An
 
 def uncompiled(world: World, layout: Any, task: Any = None) -> Simulator:
     """A simulator whose generated source runs as plain Python: slow, but there is nothing to compile."""
-    with mock.patch("segar.engine.simulator.load_module", _plain_module):
+    with mock.patch("segar.engine.simulator.load_module", plain_module):
         return Simulator(world, layout) if task is None else Simulator(world, layout, task)
 
 
-def _plain_module(text: str) -> types.ModuleType:
+def plain_module(text: str) -> types.ModuleType:
     # numpy's scalars divide as numba's error_model="numpy" does; Python's own numbers and math.sqrt would raise.
     text = text.replace("from numba import njit", "def njit(**_): return lambda function: function")
     text = text.replace("math.sqrt", "np.sqrt")

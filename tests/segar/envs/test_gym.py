@@ -12,6 +12,7 @@ from gymnasium.utils.env_checker import check_env
 import segar
 
 IDS = sorted(id_ for id_ in gymnasium.registry if id_.startswith("Segar-"))
+QUICK = ("Segar-empty-hard-state-v0", "Segar-objectsx1-hard-rgb-linear-v0", "Segar-billiards-rgb-v0")
 make = gymnasium.make
 
 
@@ -28,7 +29,7 @@ def test_gymnasium_calls_no_id_out_of_date(id_: str) -> None:
         make(id_, num_levels=2)
 
 
-@pytest.mark.parametrize("id_", IDS)
+@pytest.mark.parametrize("id_", [pytest.param(id_, marks=[pytest.mark.slow] * (id_ not in QUICK)) for id_ in IDS])
 def test_the_environment_checker_passes(id_: str) -> None:
     env = make(id_, num_levels=3, render_mode="rgb_array")
     with warnings.catch_warnings():

@@ -10,8 +10,7 @@ from tensordict import TensorDict
 from torchrl.envs.utils import check_env_specs
 
 import segar
-
-IDS = sorted(id_ for id_ in gymnasium.registry if id_.startswith("Segar-"))
+from tests.segar.envs.test_gym import IDS, QUICK
 
 
 def make(id_: str, num_envs: int = 2) -> segar.envs.TorchRLEnv:
@@ -21,7 +20,7 @@ def make(id_: str, num_envs: int = 2) -> segar.envs.TorchRLEnv:
     return segar.envs.TorchRLEnv(levels, num_envs, observation=options["observation"], task=task, seed=0)
 
 
-@pytest.mark.parametrize("id_", IDS)
+@pytest.mark.parametrize("id_", [pytest.param(id_, marks=[pytest.mark.slow] * (id_ not in QUICK)) for id_ in IDS])
 def test_the_specs_describe_what_the_environment_does(id_: str) -> None:
     check_env_specs(make(id_))
 
