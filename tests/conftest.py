@@ -1,7 +1,5 @@
 """What pytest collects and reports: the paper's listings only where they are at hand; the agreement with 2022 last."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

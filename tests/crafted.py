@@ -1,7 +1,5 @@
 """Files that somebody made on purpose: every way to change an npz archive or a JSON text that we could think of."""
 
-from __future__ import annotations
-
 import copy
 import io
 import json

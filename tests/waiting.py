@@ -1,7 +1,5 @@
 """Waiting for what another thread or process does: for a condition, since a busy machine takes any time."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import TypeVar

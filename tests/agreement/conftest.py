@@ -1,7 +1,5 @@
 """Replays every file of recordings once, and reports at the end how each family fared."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

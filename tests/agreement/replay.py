@@ -1,7 +1,5 @@
 """Replay of the trajectories that were recorded from the 2022 simulator; the schema stands beside the recordings."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable, Iterator

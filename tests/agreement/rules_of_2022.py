@@ -4,8 +4,6 @@
 sections 6 to 8.
 """
 
-from __future__ import annotations
-
 from typing import Tuple  # as the paper writes rules
 
 from segar.language.effects import Aggregate, SetFactor

@@ -1,6 +1,4 @@
 """What the agreement tests found, for the end of pytest's report; with several workers it comes from one of them. The first
 line is the heading."""
 
-from __future__ import annotations
-
 lines: list[str] = []

@@ -1,7 +1,5 @@
 """The engine, with the rules of 2022 where ours are mended, replays the trajectories that the 2022 simulator left."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

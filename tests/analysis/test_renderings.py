@@ -1,7 +1,5 @@
 """The paper's pictures, redrawn: whole pixels, and the panels that they should have."""
 
-from __future__ import annotations
-
 import matplotlib.image
 import numpy as np
 import pytest

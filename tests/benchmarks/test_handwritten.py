@@ -1,7 +1,5 @@
 """The hand-written kernels do what the generated ones do, so that comparing their speed is fair."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

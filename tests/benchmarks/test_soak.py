@@ -1,7 +1,5 @@
 """The soak finds what it looks for: planted faults are told from what random rules may do."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

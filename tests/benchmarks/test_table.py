@@ -1,7 +1,5 @@
 """The table of ``make bench``: rows with their bars, and parts that can be chosen."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

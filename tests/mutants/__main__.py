@@ -5,8 +5,6 @@
 that is there is continued. ``--tree FOLDER`` does it in another checkout, where lines that are no longer there are ``gone``.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import csv

@@ -1,7 +1,5 @@
 """CONTRIBUTING.md answers questions of new readers by places in the code; each place exists."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -4,8 +4,6 @@ A ``python`` block is a file of the package ``my_lab``. A ``bash`` block is run 
 programs around it. Other blocks (``sh``, ``yaml``, ``text``) are not run.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 import json

@@ -3,8 +3,6 @@
 The imports of a face are those of its stub, ``__init__.pyi``, beside those of its ``__init__.py``.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

@@ -3,8 +3,6 @@
 The listings are read from the file that ``SEGAR_PAPER`` names (see ``conftest.py``); none is copied here.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -3,8 +3,6 @@
 ``python -m tests.project.test_public_api`` writes the file anew; CHANGELOG.md says what changed for users.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import itertools

@@ -3,8 +3,6 @@
 ``make site`` builds it and then runs these tests.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib.util
 import re

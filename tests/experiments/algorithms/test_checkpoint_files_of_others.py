@@ -1,7 +1,5 @@
 """Checkpoint files that others made are data: each is refused with its name, or leads to the same weights."""
 
-from __future__ import annotations
-
 import copy
 import io
 import zipfile

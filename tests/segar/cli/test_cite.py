@@ -1,7 +1,5 @@
 """``segar cite``: entries for a bibliography, and what a run was made with, read from its folder as data."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -1,7 +1,5 @@
 """The command ``segar``: what it prints, what it compiles, and what it says to a name that does not exist."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

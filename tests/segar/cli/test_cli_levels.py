@@ -1,7 +1,5 @@
 """The commands on levels: sample, distance, describe and hardness; for people, for programs, and refused."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """``segar playground`` makes the page that the library makes, and says in one line what it cannot use."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

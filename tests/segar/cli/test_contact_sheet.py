@@ -1,7 +1,5 @@
 """Contact sheets, and the commands that draw and play."""
 
-from __future__ import annotations
-
 import json
 
 import imageio.v3 as imageio

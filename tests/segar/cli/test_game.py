@@ -1,7 +1,5 @@
 """A person plays: events go in, the ball rolls, and the score says how it went."""
 
-from __future__ import annotations
-
 import numpy as np
 import pygame
 import pytest

@@ -1,7 +1,5 @@
 """Odd calls of the command end with one line that says what is wrong, an exit status, and no traceback."""
 
-from __future__ import annotations
-
 import errno
 import shlex
 import sys

@@ -1,7 +1,5 @@
 """A recorded dataset that tests read, and levels whose rules draw numbers."""
 
-from __future__ import annotations
-
 import pytest
 
 import segar

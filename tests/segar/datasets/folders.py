@@ -1,7 +1,5 @@
 """What lies in a folder, beside the lock of who writes there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from segar.support import LOCK

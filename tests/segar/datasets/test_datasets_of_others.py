@@ -1,7 +1,5 @@
 """Datasets that others made are data: each is read as it is meant, or refused with its place and what is wrong."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Recordings of human play are played again, and refused where they do not come out as they say."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

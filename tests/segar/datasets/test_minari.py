@@ -1,7 +1,5 @@
 """A Minari dataset holds what was recorded, to the bit, and knows its environment."""
 
-from __future__ import annotations
-
 import minari
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """``segar record`` writes datasets and videos."""
 
-from __future__ import annotations
-
 import json
 
 import minari

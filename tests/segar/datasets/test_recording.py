@@ -1,7 +1,5 @@
 """Recordings hold what happened, go on after they were killed, and refuse what does not belong together."""
 
-from __future__ import annotations
-
 import json
 import shutil
 

@@ -1,7 +1,5 @@
 """Levels and compiled kernels that the engine's tests share: few worlds, since each takes seconds to compile once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

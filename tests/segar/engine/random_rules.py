@@ -1,7 +1,5 @@
 """Rules that nobody would write: random bodies over random arguments, from one family that covers the language."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Kernels and the interpreter are two implementations of one semantics: they must agree to rounding."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kernels are files named by their content: the same world compiles once, and an edited rule never runs stale."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Rules of ``on_contact``: they see bodies as they meet, in both orders, and what they set outlasts the exchange."""
 
-from __future__ import annotations
-
 from typing import Tuple  # as the paper writes rules
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Contacts: nothing overlaps, nothing leaves the arena, and what cannot be resolved ends within a bounded time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Laws of mechanics and symmetries of the world, on compiled kernels."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Tuple  # as the paper writes rules
 

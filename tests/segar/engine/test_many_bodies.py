@@ -1,7 +1,5 @@
 """Many bodies: sorting them, listing near pairs and passing over quiet partners change the cost and nothing else."""
 
-from __future__ import annotations
-
 from typing import Tuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Elementary functions in rules: kernels and the interpreter compute the same bits, and kernels import what they call."""
 
-from __future__ import annotations
-
 from typing import Tuple
 
 import numpy as np

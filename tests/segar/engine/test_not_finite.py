@@ -1,7 +1,5 @@
 """Rules that compute a number which is not finite are told in the step in which they do."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What rules mean, by small worlds whose outcome is known: for the interpreter and for the generated source."""
 
-from __future__ import annotations
-
 from typing import Tuple  # as the paper writes rules
 
 import numpy as np

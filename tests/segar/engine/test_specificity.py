@@ -1,7 +1,5 @@
 """Which rule is more specific: the table in docs/reference/conflicts.md against the code, row by row, and its invariants."""
 
-from __future__ import annotations
-
 import importlib
 import itertools
 import pkgutil

@@ -1,7 +1,5 @@
 """The order of a step is said once: kernel and interpreter both follow it, also where it is another one."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Functions of a task over many entities: sums and any, best and every, and several functions in one place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

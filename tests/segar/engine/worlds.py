@@ -1,7 +1,5 @@
 """What the engine's tests share: random states, one comparison, and kernels that run without being compiled."""
 
-from __future__ import annotations
-
 import types
 from collections.abc import Sequence
 from dataclasses import dataclass

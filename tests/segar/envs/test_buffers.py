@@ -1,7 +1,5 @@
 """Memory of observations is used again when a caller holds none of it, and never while a caller holds any of it."""
 
-from __future__ import annotations
-
 import gc
 import pickle
 

@@ -1,7 +1,5 @@
 """Environments on a GPU: the same episodes as on the processor, to the bit. A stub plays the driver, and executes the PTX."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Every registered id keeps Gymnasium's contract."""
 
-from __future__ import annotations
-
 import warnings
 
 import gymnasium

@@ -1,7 +1,5 @@
 """Environments, worlds, tasks, rules and distributions that were pickled behave as they did before."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import pickle

@@ -1,7 +1,5 @@
 """One loop plays episodes: it yields the start and every step, and knows which episodes are over."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

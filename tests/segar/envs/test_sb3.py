@@ -1,7 +1,5 @@
 """SB3VecEnv: the transitions of VectorEnv in Stable-Baselines3's convention, and its algorithms on top."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Snapshots: saved, restored and forked episodes go on to the bit, and differ by nothing but what was changed."""
 
-from __future__ import annotations
-
 from typing import Tuple  # as the paper writes rules
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The kernels run under concurrent Python threads and after a fork."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """TorchRL's face of the engine keeps TorchRL's contract for every registered id."""
 
-from __future__ import annotations
-
 import gymnasium
 import numpy as np
 import pytest

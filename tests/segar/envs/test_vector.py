@@ -1,7 +1,5 @@
 """The batched environment: reproducible to the bit, complete at the end of episodes, clear about bad input."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Wrong arguments of environments end in one error of SEGAR that names the argument and what is right."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import gymnasium

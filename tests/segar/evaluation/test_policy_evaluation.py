@@ -1,7 +1,5 @@
 """Any policy under one evaluation: the numbers of `experiments`, an interval that covers, and clear refusals."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 import sys

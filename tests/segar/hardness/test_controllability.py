@@ -1,7 +1,5 @@
 """What actions can change: analytic gains, and the split of factors in worlds where the truth is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

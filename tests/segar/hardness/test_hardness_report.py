@@ -1,7 +1,5 @@
 """Hardness of levels: shares with honest intervals, and laws of who solves more than whom."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The oracle: it solves what can be solved, is never worse than the script it starts from, and proves it by replay."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 

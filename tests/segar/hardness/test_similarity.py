@@ -1,7 +1,5 @@
 """Distances between levels by what they do and by how they are played: metric laws and exact recursions."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

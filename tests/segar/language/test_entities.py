@@ -1,7 +1,5 @@
 """Entity types: what they inherit."""
 
-from __future__ import annotations
-
 import segar
 from segar import Ball, Charge, Circle, GolfBall, Mass, Shape, Size
 from segar.language import ID, Label

@@ -1,7 +1,5 @@
 """What is not a level set, a distribution, a generator, a list of factors or units is refused in the measure's name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

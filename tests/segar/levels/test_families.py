@@ -1,7 +1,5 @@
 """The named families: their constants are those of 2022, but for the swapped clips of its dampers."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

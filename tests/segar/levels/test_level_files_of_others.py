@@ -1,7 +1,5 @@
 """Level files that others made are data: each is read as it is meant, or refused with its name and what is wrong."""
 
-from __future__ import annotations
-
 import io
 import tracemalloc
 

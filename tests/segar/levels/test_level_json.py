@@ -1,7 +1,5 @@
 """Level files in JSON hold the same levels as npz files, to the bit; what people write is read, or refused with its place."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """Levels are as probable as their distribution says: against frequencies, closed forms and entropies."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Levels: nested, repeatable, placed without overlap, and the same after a file."""
 
-from __future__ import annotations
-
 import dataclasses
 import errno
 import json

@@ -1,7 +1,5 @@
 """Moving things apart: distributions over random scenes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Priors: which one counts, and what is refused when they are written down."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

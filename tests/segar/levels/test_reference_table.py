@@ -1,7 +1,5 @@
 """The reference distance has the means of the 2022 code in all panels that its measurements cover."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

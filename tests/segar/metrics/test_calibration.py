@@ -1,7 +1,5 @@
 """How often tests reject, and bands miss, one distribution: over 1,000 pairs of level sets, within 2 points of nominal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Distances beyond w2: against POT, scipy, closed forms and the distributions that each must obey."""
 
-from __future__ import annotations
-
 import os
 
 os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")

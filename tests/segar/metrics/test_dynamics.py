@@ -1,7 +1,5 @@
 """Distances between worlds: laws of a metric, what can be derived on paper, and the statistics of their errors."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kolmogorov-Smirnov statistics: against scipy per factor, and against the search over all points for the joint."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

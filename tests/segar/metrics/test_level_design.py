@@ -1,7 +1,5 @@
 """Level sets by design: each kind keeps its promise, and says where its levels come from."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Distances between level sets: against plain loops over POT, closed forms, and the distributions of a metric."""
 
-from __future__ import annotations
-
 import os
 
 os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")

@@ -1,7 +1,5 @@
 """Factors that come round again, such as headings: distances between levels take the shorter way."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

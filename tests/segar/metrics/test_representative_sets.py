@@ -1,7 +1,5 @@
 """What a level set is worth: coverage, effective number, entropy, and whether it stands for its distribution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

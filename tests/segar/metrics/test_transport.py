@@ -1,7 +1,5 @@
 """Transport between levels: each mode against its definition, written out plainly, on random and on recorded levels."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

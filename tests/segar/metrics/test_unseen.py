@@ -1,7 +1,5 @@
 """Distances say in what level sets differ that they do not see, once and by name, and are silent elsewhere."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import warnings

@@ -1,7 +1,5 @@
 """Distributions: one table of distributions, many properties; scipy and large samples as oracles."""
 
-from __future__ import annotations
-
 import inspect
 import itertools
 import json

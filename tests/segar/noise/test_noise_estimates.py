@@ -1,7 +1,5 @@
 """Distances of distributions with their errors, and the distributions that are not numbers: hulls of Gaussian points."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """Angles: distributions that come round again, and their distances on the circle."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """A renderer that says plainly what a frame is: masks over all pixels, one thing after the other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

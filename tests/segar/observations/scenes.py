@@ -1,7 +1,5 @@
 """Levels for tests of renderers: anything anywhere, whole or partly outside the arena, and frames of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

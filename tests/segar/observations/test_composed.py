@@ -1,7 +1,5 @@
 """Tuples, dicts, stacks, previous actions and chance: whole in every environment, and reproducible to the bit."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What is copied by a kernel is what NumPy copies."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numba import njit

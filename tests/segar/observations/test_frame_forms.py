@@ -1,7 +1,5 @@
 """Grey frames, channels first, other walls, other sizes: one drawing in many forms."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

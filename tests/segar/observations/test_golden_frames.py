@@ -1,7 +1,5 @@
 """Frames of a fixed seed: equal on repeat, however they are batched, and equal to those of the same renderer version."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

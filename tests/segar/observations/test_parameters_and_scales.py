@@ -1,7 +1,5 @@
 """State observations show world parameters as the level has them, and divide numbers by constants."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pixels against a plain numpy renderer, and the laws of what is drawn over what."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Frames that are drawn row by row, as GPUs draw them, have the bytes of frames that are drawn whole."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What an observation says that it shows changes it; what it hides cannot be told from it, to the bit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """State observations: the numbers of the state in fixed places, missing ones marked, in units of the prior on request."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

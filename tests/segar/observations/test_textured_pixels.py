@@ -1,7 +1,5 @@
 """Textured pixels against a plain renderer, and the laws of when patterns change and when they do not."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Textured pixels in environments: episodes, snapshots, interventions, and Gymnasium's single face."""
 
-from __future__ import annotations
-
 import gymnasium
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Small networks with random weights that have layers of every kind; and the bits of their actions, printed as JSON."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sys

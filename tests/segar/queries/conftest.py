@@ -1,7 +1,5 @@
 """Sets of questions that tests read: about one world for all, and about a rule space."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

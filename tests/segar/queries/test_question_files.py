@@ -1,7 +1,5 @@
 """Files of questions and answers: written whole, read as data, refused by line and field."""
 
-from __future__ import annotations
-
 import json
 import sys
 

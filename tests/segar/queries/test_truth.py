@@ -1,7 +1,5 @@
 """Answers are what the simulator says; other implementations of the same physics agree, and naive answers get little."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The words of a question say the same numbers as its data, in six digits, and name every rule that holds."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

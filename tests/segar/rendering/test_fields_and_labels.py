@@ -1,7 +1,5 @@
 """Arrows of fields point where charges push; labels hide neither things nor each other."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frames of environments: where things are, what can be told from them, and that they follow from the state alone."""
 
-from __future__ import annotations
-
 import gymnasium
 import numpy as np
 import pytest

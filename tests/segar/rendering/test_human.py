@@ -1,7 +1,5 @@
 """render_mode="human": a window follows the environment, and closing it stops the drawing alone."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What people are shown is what the state holds, for things of one's own as well."""
 
-from __future__ import annotations
-
 from typing import Tuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Videos: written whole or not at all, with as many frames as were drawn; Gymnasium's RecordVideo works."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Frames in an array need no pygame: it is loaded when the first is drawn, and where it is missing they are plain."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import warnings

@@ -1,7 +1,5 @@
 """Counted randomness: the published test vectors, independence of company and order, and soundness of the laws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -1,7 +1,5 @@
 """Files are replaced as a whole: through links, with the permissions that they had, and never what is no file."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

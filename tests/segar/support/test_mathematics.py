@@ -1,7 +1,5 @@
 """Elementary functions: errors against mpmath, special cases, laws to the bit, and nothing but IEEE arithmetic within."""
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import math

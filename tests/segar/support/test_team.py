@@ -1,7 +1,5 @@
 """Threads that share work: every part is done once, by whoever is there, and nobody is waited for."""
 
-from __future__ import annotations
-
 import threading
 import time
 

@@ -1,7 +1,5 @@
 """What the tests of tasks share: whole episodes, played by a policy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Billiards: the table of 2022, pockets that pay once, and an end when the table or the cue ball is gone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

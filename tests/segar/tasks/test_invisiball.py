@@ -1,7 +1,5 @@
 """Invisiball: PuttPutt whose ball is not seen once it has been pushed, though it rolls on."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

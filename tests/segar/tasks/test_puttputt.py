@@ -1,7 +1,5 @@
 """PuttPutt: its levels, its results, its scripted player."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

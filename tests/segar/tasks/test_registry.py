@@ -1,7 +1,5 @@
 """Tasks by name, and the task that levels name."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

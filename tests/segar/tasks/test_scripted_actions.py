@@ -1,7 +1,5 @@
 """The scripted player has one form: all who play it give it a batch, and actions of another shape are refused."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -3,8 +3,6 @@
 Addresses are those of this process's memory, so that torch's tensors on the processor stand for tensors on a GPU.
 """
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any
 

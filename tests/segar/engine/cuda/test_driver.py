@@ -1,7 +1,5 @@
 """The driver of NVIDIA GPUs, played by a stub: what is called, and what is said where something is missing."""
 
-from __future__ import annotations
-
 import ctypes.util
 
 import numpy as np

@@ -5,8 +5,6 @@ What the machine does not know is an error that names the line. Memory of the th
 each thread, so that a kernel that reads what it never wrote gives other results than it should.
 """
 
-from __future__ import annotations
-
 import ctypes
 import platform
 import re

@@ -1,7 +1,5 @@
 """Kernels for NVIDIA GPUs: their PTX, executed on this processor, gives the bits of native kernels."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Iterator
