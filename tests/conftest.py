@@ -57,4 +57,3 @@ def plain_source(monkeypatch) -> None:
     from tests.segar.engine.worlds import plain_module
 
     monkeypatch.setattr("segar.engine.simulator.load_module", plain_module)
-    monkeypatch.setattr("segar.engine.compiler.kernel.is_plain", lambda: True)

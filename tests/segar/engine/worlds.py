@@ -1,5 +1,6 @@
 """What the engine's tests share: random states, one comparison, and kernels that run without being compiled."""
 
+import ctypes
 import types
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -166,8 +167,14 @@ def plain_module(text: str) -> types.ModuleType:
     text = text.replace("math.sqrt", "np.sqrt")
     module = types.ModuleType("plain_kernel")
     exec(compile(text, "plain_kernel.py", "exec"), module.__dict__)
+    module.table_on = _table_on  # type: ignore[attr-defined]
     module.advance = np.errstate(all="ignore")(module.advance)  # type: ignore[attr-defined]
     return module
+
+
+def _table_on(sheet: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """What numba's intrinsic of this name gives: the table at the address on the sheet."""
+    return np.ctypeslib.as_array((ctypes.c_float * (rows * columns)).from_address(int(sheet[0]))).reshape(rows, columns)
 
 
 def _step(simulator: Simulator, levels: Levels, state: State, actions: Any, n: int, outcome: StepResult) -> str:
