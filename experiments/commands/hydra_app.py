@@ -1,16 +1,17 @@
 """How commands start: Hydra on ``conf/``, whatever the working directory, and errors as one message each."""
 
+import argparse
 import os
 import select
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from itertools import dropwhile
 from pathlib import Path
 from typing import Any
 
 import hydra
-from hydra._internal.utils import get_args_parser  # hydra.main uses it, too; there is no public name for it
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException
@@ -29,6 +30,9 @@ from experiments.commands.overrides import (
 from experiments.commands.signals import Stopped
 from experiments.settings import ConfigError, RunConfig, import_object, run_config
 from segar.errors import SegarError
+
+# Options of Hydra's that show something and run nothing, or run what an earlier command was.
+SHOWS = ("--help", "-h", "--hydra-help", "--shell-completion", "-sc", "--experimental-rerun")
 
 
 @contextmanager
@@ -101,18 +105,27 @@ def run_command(
 
 def check_command_line(config_name: str) -> None:
     """Raises :class:`ConfigError` for a name on the command line that no setting, choice or module has, before a run begins."""
-    arguments, rest = get_args_parser().parse_known_args()
-    if any("=" in one and not one.startswith("-") for one in rest):
+    told = [*dropwhile(lambda one: not is_setting(one), sys.argv[1:])]
+    if rest := [one for one in dropwhile(is_setting, told) if is_setting(one)]:
         raise ConfigError(
             f"settings stand on one side of options such as --multirun, all of them: move {' '.join(rest)}"
         )
-    arguments = get_args_parser().parse_args()
-    if arguments.help or arguments.hydra_help or arguments.shell_completion or arguments.experimental_rerun:
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--config-dir", "-cd")
+    parser.add_argument("--config-name", "-cn")
+    arguments, rest = parser.parse_known_args()
+    if {*SHOWS} & {*rest}:
         return
+    settings = [one for one in rest if is_setting(one)]
     folders = [f"file://{Path(arguments.config_dir).resolve()}"] if arguments.config_dir else []
     with initialized():
-        for overrides in single_runs(with_search_path(arguments.overrides, folders)):
+        for overrides in single_runs(with_search_path(settings, folders)):
             check_own_objects(compose_data(overrides, arguments.config_name or config_name))
+
+
+def is_setting(argument: str) -> bool:
+    """Whether an argument of a command line states a setting, or removes one, and is no option of Hydra's."""
+    return argument.startswith("~") or ("=" in argument and not argument.startswith("-"))
 
 
 def check_own_objects(config: DictConfig) -> None:

@@ -167,6 +167,7 @@ def test_every_setting_of_an_algorithm_can_be_overridden():
 
 
 def test_names_of_observations_tasks_and_families_are_choices():
+    register_settings()
     with initialized():
         for group, names in {"observation": OBSERVATIONS, "task": TASKS}.items():
             for name in names:
