@@ -60,6 +60,6 @@ def rounded(network: Network) -> tuple[Network, int]:
 def made_with(folder: Path) -> dict[str, object]:
     """Libraries, commit, arithmetic and the user's own files by which the run in a folder was trained."""
     found = read_versions(folder)
-    own = files_of_code(found.get("code", ""))
+    own = files_of_code(found.get("code", {}))
     kept = {name: found[name] for name in ("python", "libraries", "git", "arithmetic") if name in found}
     return {**kept, **({"code": own} if own else {})}

@@ -124,7 +124,6 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
     summary["portable"] = config.portable
     summary["changed_code"] = changed  # parts of the code that are others than when the agent was trained
     if baselines is not None:
-        # These names are those that readers of 0.1's files know.
         summary["anchors"] = {name: float(getattr(baselines, name).mean()) for name in ("random", "floor", "oracle")}
         sizes = ("planner_samples", "planner_iterations")
         summary["planner"] = {name: getattr(config, name) for name in sizes}

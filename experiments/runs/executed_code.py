@@ -70,9 +70,9 @@ def code_of(settings: Any) -> dict[str, str]:
     return _files_of(modules_named(settings))
 
 
-def files_of_code(code: Mapping[str, str] | str) -> dict[str, str]:
-    """The user's files in ``code``; none in that of 0.1."""
-    return {} if isinstance(code, str) else {name: content for name, content in code.items() if "/" in name}
+def files_of_code(code: Mapping[str, str]) -> dict[str, str]:
+    """The user's files in ``code``."""
+    return {name: content for name, content in code.items() if "/" in name}
 
 
 def probed_levels(prepared: Prepared, split: str) -> Levels:
@@ -82,10 +82,8 @@ def probed_levels(prepared: Prepared, split: str) -> Levels:
     return found.sample(count, seed=0, split=split)
 
 
-def combined(parts: Mapping[str, str] | str) -> str:
-    """Sixteen hexadecimal digits for all parts together; those that 0.1 recorded as they are."""
-    if isinstance(parts, str):
-        return parts
+def combined(parts: Mapping[str, str]) -> str:
+    """Sixteen hexadecimal digits for all parts together."""
     return _digest(f"{name}={value}".encode() for name, value in sorted(parts.items()))
 
 
@@ -93,14 +91,11 @@ def changed_parts(folder: Path, code: Mapping[str, str] | None) -> list[str]:
     """Names of the parts of ``code``, today's, that were others when the run in ``folder`` began; none where none began."""
     if code is None or not (folder / VERSIONS).exists():
         return []
-    return differing_parts(read_versions(folder).get("code", ""), code)
+    return differing_parts(read_versions(folder).get("code", {}), code)
 
 
-def differing_parts(before: Mapping[str, str] | str, now: Mapping[str, str]) -> list[str]:
-    """Names of the parts that differ, and of the files recorded ``before`` in which something else is now; of code that 0.1
-    recorded, which knew no parts, ``all``."""
-    if isinstance(before, str):
-        return ["all"]
+def differing_parts(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """Names of the parts that differ, and of the files recorded ``before`` in which something else is now."""
     files = sorted(name for name in before if "/" in name and before[name] != _content_now(name))
     parts = sorted(name for name in {*before, *now} if "/" not in name and before.get(name) != now.get(name))
     return [*parts, *files]

@@ -54,7 +54,6 @@ DECIDE_CODE = {
     "kernel": ("levels.", "task."),
     "levels": ("levels.",),
     "learner": ("algorithm.kind",),
-    "all": ("algorithm.kind",),  # the only part that 0.1 recorded
 }
 DECIDE_NO_CODE = ("levels.count", "levels.seed", "levels.design", "levels.test_count", "levels.test_seed")
 LAST_DISTANCES = ("w2_reference", "w2_paper", "ks")  # stand behind all other modes of W2
@@ -318,8 +317,7 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
             problem = journal[-1].get("error", "") if journal else ""
             return RunRow(folder, state, problem, settings, sweeps=sweeps, name=config.label())
         about = read_versions(folder) if (folder / VERSIONS).exists() else {}
-        code = about.get("code", {})
-        parts = {"all": code} if isinstance(code, str) else code  # 0.1 recorded no parts
+        parts = about.get("code", {})
         figures, seen = _figures(folder), _seen(folder, config.levels, about)
         scores, unscored, planner = _score(folder, config)
         made_with, figures = computed_with(about), figures | scores
@@ -360,8 +358,7 @@ def _score(folder: Path, config: RunConfig) -> tuple[dict[str, float], str, str]
     """
     name = f"test-n{config.levels.test_count}"
     places = (folder / EVALUATIONS / one for one in (name, f"{name}-portable"))
-    found = next((one for one in map(read_evaluation, places) if "floor" in (one or {}).get("anchors", {})), None)
-    # Evaluations of 0.1 have no floor: their scores are on another scale, on which random play has 0.
+    found = next((one for one in map(read_evaluation, places) if "anchors" in (one or {})), None)
     if found is None:
         return {}, "", ""
     changed = found.get("changed_code")

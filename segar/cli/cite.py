@@ -79,7 +79,7 @@ def about_run(folder: Path) -> dict[str, Any]:
     libraries = _mapping(made, "libraries", folder / VERSIONS)
     commit = _mapping(made, "git", folder / VERSIONS) if made.get("git") else {}
     levels = _mapping(made, "levels", folder / VERSIONS) if made.get("levels") else {}
-    code = made.get("code")  # one hash in release 0.1, one for each part since
+    code = _mapping(made, "code", folder / VERSIONS) if made.get("code") else {}
     try:
         flat = dict(_leaves({name: settings[name] for name in DECIDES if name in settings}))
     except RecursionError:
@@ -96,7 +96,7 @@ def about_run(folder: Path) -> dict[str, Any]:
         },
         "hashes": {
             **{f"{name} levels": value for name, value in levels.items()},
-            **(code if isinstance(code, dict) else {"code": code}),
+            **code,
         },
         "seeds": {name: value for name, value in flat.items() if name.rpartition(".")[2].endswith("seed")},
         "settings": flat,
