@@ -93,7 +93,7 @@ def _files_of(module: str, texts: Collection[str]) -> dict[str, Path]:
         waiting += [name[: dot.start()] for dot in re.finditer(r"\.", name)]  # Python executes these packages, too
         for file in _own(_named_by(path, root, texts, whole), root):
             if file.suffix == ".py" and file.is_relative_to(root):
-                waiting.append(".".join(file.relative_to(root).with_suffix("").parts))
+                waiting.append(".".join(file.relative_to(root).with_suffix("").parts).removesuffix(".__init__"))
             found.setdefault(_name(file, root), file)
     return found
 

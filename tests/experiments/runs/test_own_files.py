@@ -104,6 +104,7 @@ def test_a_file_that_the_code_reaches_counts(lab, code, file):
     before = own_files("lab.levels")
     edit(lab / file)
     after = own_files("lab.levels")
+    assert len({find_file(name) for name in before}) == len(before)
     changed = [name for name in before if before[name] != after.get(name)]
     assert [find_file(name) for name in changed] == [(lab / file).resolve()]
     assert changed == [(NAMES.get(file) or file).replace("{else}", str(lab.parent / "else"))]
