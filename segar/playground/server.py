@@ -10,6 +10,8 @@ import secrets
 import socket
 import threading
 import time
+from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any
 
 import uvicorn
@@ -19,8 +21,8 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from segar.errors import SegarError
-from segar.playground.studio import FORMS, Stopped, Studio
-from segar.support import from_json
+from segar.playground.studio import FORMS, Studio
+from segar.support import Stopped, from_json
 
 HOST = "127.0.0.1"
 MOST_BYTES = 1_000_000  # of a question
@@ -105,11 +107,13 @@ class StudioServer:
                 409, f"the studio is at work ({other}, for {seconds:.0f} s); wait until it is done, or stop it"
             )
         self._working, stop = (name, time.monotonic()), threading.Event()
-        work = asyncio.create_task(asyncio.to_thread(self._studio.answer, name, question, stop))
+        work = asyncio.wrap_future(_in_thread(lambda: self._studio.answer(name, question, stop)))
         try:
             while not work.done():
                 await asyncio.wait({work}, timeout=LOOK)
-                if self._server.should_exit or await request.is_disconnected():
+                if self._server.should_exit:
+                    raise Stopped  # whatever part the work is in, the thread ends with the process
+                if await request.is_disconnected():
                     stop.set()
             return JSONResponse(work.result(), headers=HEADERS)
         except Stopped:
@@ -123,6 +127,20 @@ class StudioServer:
         finally:
             stop.set()
             self._working = None
+
+
+def _in_thread(work: Callable[[], Any]) -> Future[Any]:
+    """The result of work in a thread for which the end of the process does not wait."""
+    found: Future[Any] = Future()
+
+    def run() -> None:
+        try:
+            found.set_result(work())
+        except BaseException as error:
+            found.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return found
 
 
 async def _body_of(request: Request) -> bytes | None:

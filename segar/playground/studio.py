@@ -22,11 +22,12 @@ from segar.playground.run_folder import read_policy
 from segar.policies import NETWORK_FILE
 from segar.rendering import Stage
 from segar.rules import World
-from segar.support import misfit
+from segar.support import end_of_part, misfit, stoppable
 from segar.tasks import task_of
 
 W2_RESAMPLES = 100
 KS_RESAMPLES = 199
+MOST_THINGS = 200_000  # of all levels of a set, so that it is drawn within seconds
 SEED_DIGITS = 18  # of the seed of an episode
 SEED = 0  # of resamples, of the search, and of random play
 INFLUENCE_LEVELS = 20  # of a set, in which it is tried what actions change
@@ -42,26 +43,6 @@ FORMS: dict[str, dict[str, Any]] = {
 
 Question = Mapping[str, Any]
 Observations = Sequence[str | Observation] | Mapping[str, str | Observation]
-
-
-class Stopped(Exception):
-    """Work was ended before it was done."""
-
-
-class StoppableGenerator(np.random.Generator):
-    """The generator ``np.random.default_rng(seed)``, which raises :class:`Stopped` when it is used after ``stop`` is set.
-
-    What takes long in the library draws at every turn, so that it ends soon.
-    """
-
-    def __init__(self, seed: int, stop: threading.Event) -> None:
-        super().__init__(np.random.default_rng(seed).bit_generator)
-        self._stop = stop
-
-    def __getattribute__(self, name: str) -> Any:
-        if not name.startswith("_") and self._stop.is_set():
-            raise Stopped
-        return super().__getattribute__(name)
 
 
 @dataclass(frozen=True)
@@ -113,7 +94,7 @@ class Studio:
 
         Args:
             name: one of :data:`FORMS`.
-            stop: ends the work when it is set.
+            stop: ends the work after one of its parts once it is set.
 
         Raises:
             SegarError: the question has another form, or has no answer; the message says why.
@@ -125,9 +106,10 @@ class Studio:
             raise SegarError("the studio shows other levels now, because they were drawn anew; reload the page")
         if not 0 <= question.get("set", 0) < len(self.sides):
             raise SegarError(f"there are {len(self.sides)} level sets here, and no set {question['set']}")
-        return getattr(self, f"_{name}")(question, stop)
+        with stoppable(stop):
+            return getattr(self, f"_{name}")(question)
 
-    def _draw(self, question: Question, stop: threading.Event) -> dict[str, Any]:
+    def _draw(self, question: Question) -> dict[str, Any]:
         """Draw a set anew, from the distribution that a text says."""
         at, number = question["set"], question["number"]
         origin = self.sides[at].distribution
@@ -136,25 +118,31 @@ class Studio:
         if not 1 <= number <= MOST_LEVELS:
             raise LevelError(f"a set of a page has 1 to {MOST_LEVELS:,} levels, not {number}")
         distribution = read_distribution(question["text"], origin)
+        things = number * distribution.most_things
+        if things > MOST_THINGS:
+            raise LevelError(
+                f"draw: {number:,} levels of this distribution can have {things:,} things, and the studio draws at most"
+                f" {MOST_THINGS:,}; ask for fewer levels, or for fewer things by 'numbers'"
+            )
         levels = distribution.sample(number, question["seed"], question["split"])
         sides = list(self.sides)
         # The origin stays, so that its names are known and its name does not grow; the text stays as the person wrote it.
         sides[at] = Side(levels, origin, question["text"])
-        self._change(tuple(sides), self.run, stop)
+        self._change(tuple(sides), self.run)
         return {"version": self.version, "name": levels.provenance.name, "distribution": distribution.hash}
 
-    def _distance(self, question: Question, stop: threading.Event) -> dict[str, Any]:
+    def _distance(self, question: Question) -> dict[str, Any]:
         """How far both sets are apart, as they were drawn."""
         if len(self.sides) < 2:
             raise LevelError("a distance is that of two sets, and here is one; start the studio with --test")
         a, b = (side.levels for side in self.sides)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UnseenDifferenceWarning)  # the answer says it
-            w2 = w2_report(a, b, rng=StoppableGenerator(SEED, stop), resamples=W2_RESAMPLES)
-            ks = ks_report(a, b, rng=StoppableGenerator(SEED, stop), resamples=KS_RESAMPLES)
+            w2 = w2_report(a, b, rng=np.random.default_rng(SEED), resamples=W2_RESAMPLES)
+            ks = ks_report(a, b, rng=np.random.default_rng(SEED), resamples=KS_RESAMPLES)
         return {"w2": asdict(w2), "ks": asdict(ks), "levels": [len(a), len(b)]}
 
-    def _plan(self, question: Question, stop: threading.Event) -> dict[str, Any]:
+    def _plan(self, question: Question) -> dict[str, Any]:
         """The best known episode on a level, as it is in the page now, and the way of the agent's body in it."""
         if not (question["seed"].isdecimal() and len(question["seed"]) <= SEED_DIGITS):
             raise SegarError(f"plan: 'seed' must be a whole number of at most {SEED_DIGITS} digits")
@@ -162,7 +150,7 @@ class Studio:
         levels = self.sides[question["set"]].levels
         task = self.task or task_of(levels)  # not that of the text, because the name of a task may import code
         level = _level_of(question["level"], levels.world)
-        found = plan(level, task, rng=StoppableGenerator(SEED, stop), seed=seed)
+        found = plan(level, task, rng=np.random.default_rng(SEED), seed=seed)
         return {
             "solved": bool(found.solved[0]),
             "died": bool(found.died[0]),
@@ -173,12 +161,12 @@ class Studio:
             "path": _path_of(level, found, task),
         }
 
-    def _hardness(self, question: Question, stop: threading.Event) -> dict[str, Any]:
+    def _hardness(self, question: Question) -> dict[str, Any]:
         """How random play, a script and the planner fare on a set, and what actions change in its first levels."""
         levels = self.sides[question["set"]].levels
-        found = hardness(levels, self.task, rng=StoppableGenerator(SEED, stop))
+        found = hardness(levels, self.task, rng=np.random.default_rng(SEED))
         tried = levels[:INFLUENCE_LEVELS]
-        factors = influence(tried, self.task, rng=StoppableGenerator(SEED, stop)).factors
+        factors = influence(tried, self.task, rng=np.random.default_rng(SEED)).factors
         return {
             "summary": found.summary(),
             "levels": found.rows(),
@@ -186,16 +174,16 @@ class Studio:
             "tried": len(tried),
         }
 
-    def _runs(self, question: Question, stop: threading.Event) -> dict[str, Any]:
+    def _runs(self, question: Question) -> dict[str, Any]:
         """The folders of runs or evaluations with a network that plays without torch."""
         return {"runs": sorted(self._found_runs()), "run": self.run}
 
-    def _policy(self, question: Question, stop: threading.Event) -> dict[str, Any]:
+    def _policy(self, question: Question) -> dict[str, Any]:
         """Have the policy of a run play in the page, or none."""
         run = question["run"]
         if run is not None and run not in self._found_runs():
             raise SegarError(f"there is no run '{run}' with a {NETWORK_FILE} below the folder of --runs")
-        self._change(self.sides, run, stop)
+        self._change(self.sides, run)
         return {"version": self.version}
 
     def _found_runs(self) -> dict[str, Path]:
@@ -217,11 +205,10 @@ class Studio:
                 found[folder.relative_to(self.runs).as_posix()] = folder
         return found
 
-    def _change(self, sides: tuple[Side, ...], run: str | None, stop: threading.Event) -> None:
+    def _change(self, sides: tuple[Side, ...], run: str | None) -> None:
         """Show other sets or another policy, once the page with them is there and if somebody still waits for it."""
         html, task = self._page(sides, run, self.version + 1)
-        if stop.is_set():
-            raise Stopped
+        end_of_part()
         self.sides, self.run, self.html, self.task, self.version = sides, run, html, task, self.version + 1
 
     def _page(self, sides: Sequence[Side], run: str | None, version: int = 0) -> tuple[str, Task | None]:

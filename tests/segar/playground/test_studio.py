@@ -22,8 +22,9 @@ from segar.hardness import hardness, influence, plan, replay
 from segar.metrics import ks_report, w2_report
 from segar.playground import Studio, make_playground
 from segar.playground.server import MOST_BYTES, StudioServer
-from segar.playground.studio import FORMS, StoppableGenerator, Stopped
+from segar.playground.studio import FORMS
 from segar.policies import Network
+from segar.support import Stopped
 from tests.places import ROOT
 from tests.segar.playground.browsers import Chromium
 from tests.segar.policies.networks import Builder
@@ -261,13 +262,18 @@ def test_hardness_is_that_of_the_library(client: Client) -> None:
     assert [one["factor"] for one in found["factors"]] == [one.factor for one in factors if one.kind == "endogenous"]
 
 
-def test_a_stoppable_generator_draws_as_any_other_until_it_is_stopped() -> None:
-    stop = threading.Event()
-    rng = StoppableGenerator(3, stop)
-    assert np.array_equal(rng.normal(size=5), np.random.default_rng(3).normal(size=5))
+@pytest.mark.parametrize(("name", "asked"), [("distance", {}), ("hardness", {"set": 0})])
+def test_work_ends_at_the_end_of_a_part(name: str, asked: dict[str, Any]) -> None:
+    studio, stop = Studio(TRAIN, TEST, observations=["state"]), threading.Event()
     stop.set()
     with pytest.raises(Stopped):
-        rng.normal()
+        studio.answer(name, {"version": 0, **asked}, stop)
+
+
+def test_more_things_than_can_be_drawn_in_seconds_are_refused(client: Client) -> None:
+    text = TEXT.replace("(GolfBall, 1)", "(GolfBall, 100000000)")
+    status, answer = client.ask("draw", set=0, text=text, seed=0, split="train", number=3)
+    assert status == 422 and "300,000,003 things, and the studio draws at most 200,000" in answer["error"]
 
 
 class Slow:
@@ -275,11 +281,12 @@ class Slow:
 
     def __init__(self) -> None:
         self.html = "a page"
-        self.begun, self.ended = threading.Event(), threading.Event()
+        self.begun, self.ended, self.part = threading.Event(), threading.Event(), threading.Event()
+        self.part.set()
 
     def answer(self, name: str, question: Any, stop: threading.Event) -> dict[str, Any]:
         self.begun.set()
-        assert stop.wait(PATIENCE)
+        assert stop.wait(PATIENCE) and self.part.wait(PATIENCE)
         self.ended.set()
         raise Stopped
 
@@ -298,8 +305,9 @@ def test_one_question_at_a_time_and_work_for_nobody_is_stopped() -> None:
         assert slow.ended.wait(PATIENCE)
 
 
-def test_a_server_that_ends_stops_its_work() -> None:
+def test_a_server_that_ends_stops_its_work_and_waits_for_no_part_of_it() -> None:
     slow = Slow()
+    slow.part.clear()
     with serving(slow) as client:
         waiting = client.connection()
         waiting.request("POST", client.path + "runs", b"{}", client.headers())
@@ -307,7 +315,9 @@ def test_a_server_that_ends_stops_its_work() -> None:
         client.server.stop()
         assert waiting.getresponse().status == 503
         waiting.close()
-    assert slow.ended.is_set()
+    assert not slow.ended.is_set()
+    slow.part.set()
+    assert slow.ended.wait(PATIENCE)
 
 
 def player(inputs: int) -> Network:
