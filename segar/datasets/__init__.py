@@ -1,4 +1,4 @@
-"""Recorded episodes: frames, true factors and actions, for offline learning and for the study of representations."""
+"""Recorded episodes as Minari datasets: frames, true factors and actions, and the recipe from which they follow."""
 
 from segar.support import lazy_face
 

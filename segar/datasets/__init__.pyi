@@ -1,8 +1,7 @@
-from .dataset import Dataset as Dataset, Episode as Episode
+from .episodes import Episode as Episode
 from .human_play import read_play
-from .minari_export import minari_place as minari_place, to_minari
+from .recipe import Recipe as Recipe, levels_of, recipe_of
 from .recording import record
 from .replay import check_replay
-from .rollouts import Policy as Policy
 
-__all__ = ["check_replay", "read_play", "record", "to_minari"]
+__all__ = ["check_replay", "levels_of", "read_play", "recipe_of", "record"]

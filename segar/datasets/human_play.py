@@ -7,19 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from segar.datasets.dataset import LIMIT, TRUTHS, Episode
-from segar.datasets.rollouts import leaves
+from segar.datasets.episodes import Episode, episode_of
 from segar.envs import VectorEnv, play
 from segar.errors import SegarError
-from segar.language import Factors, Task
+from segar.language import Task
 from segar.levels import Levels, levels_from_data
+from segar.observations import leaves
 from segar.rules import World
 from segar.support import __version__, check_size, misfit, read_handwritten_json, shown
 from segar.tasks import task_of
 
 FORMAT, VERSION = "segar-play", 1
-ENDS = {"terminated": bool, "truncated": bool, "success": bool}
-EPISODE = {"level": int, "seed": int, "actions": [[float]], "return": float, **ENDS}
+LIMIT = 4 * 2**30  # [bytes] of states and observations
+EPISODE = {
+    "level": int, "seed": int, "actions": [[float]], "return": float, "terminated": bool, "truncated": bool, "success": bool,
+}  # fmt: skip
 FORM = {
     "format": str, "version": int, "segar": str, "task": (str, None), "seed": int, "levels": dict, "episodes": [EPISODE],
 }  # fmt: skip
@@ -52,8 +54,7 @@ def read_play(
         raise SegarError(f"{path}: {error}") from error
     _check_memory(path, data["episodes"], env)
     by = f"; SEGAR {shown(data['segar'])} recorded it, and this is {__version__}"
-    episodes = enumerate(data["episodes"])
-    return levels, [_play_again(env, k, said, f"{path}: episodes[{k}]", by) for k, said in episodes]
+    return levels, [_play_again(env, said, f"{path}: episodes[{k}]", by) for k, said in enumerate(data["episodes"])]
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -77,12 +78,12 @@ def _read(path: Path) -> dict[str, Any]:
 def _check_memory(path: Path, episodes: list[dict[str, Any]], env: VectorEnv) -> None:
     """Raise :class:`SegarError` where states and observations of all episodes would take more memory than the limit."""
     observations, _ = env.reset(seed=0)
-    state = env.state().state.values.nbytes + sum(array.nbytes for array in leaves(observations).values())
+    state = env.state().state.values.nbytes + sum(array.nbytes for array in leaves(observations))
     states = sum(min(len(episode["actions"]), env.task.max_steps) + 1 for episode in episodes)
     check_size(path, states * state, "recording of play", SegarError, LIMIT)
 
 
-def _play_again(env: VectorEnv, number: int, said: dict[str, Any], at: str, by: str) -> Episode:
+def _play_again(env: VectorEnv, said: dict[str, Any], at: str, by: str) -> Episode:
     """An episode as its actions lead through it.
 
     Args:
@@ -93,41 +94,31 @@ def _play_again(env: VectorEnv, number: int, said: dict[str, Any], at: str, by: 
         raise SegarError(f"{at}.level: must be 0 to {len(env.levels) - 1}, not {said['level']}")
     if said["seed"] < 0:
         raise SegarError(f"{at}.seed: must not be negative, and is {said['seed']}")
-    low, high = np.array(env.task.action_low, np.float32), np.array(env.task.action_high, np.float32)
-    actions = _actions(said["actions"], len(low), f"{at}.actions")
+    actions = _actions(said["actions"], len(env.task.action_low), f"{at}.actions")
     start = env.reset(seed=said["seed"], options={"levels": np.array([said["level"]])})
-    seen, states, steps = [], [], []
+    steps, taken = [], iter(actions[:, None])
     try:
-        for now in play(env, lambda now: actions[now.time][None], start):
-            seen.append(leaves(now.observation))
-            states.append(env.state().state.values[0])
-            total = float(now.info["return"][0])
-            if now.time:
-                flags = [now.terminated, now.truncated, now.info["success"], now.info["death"]]
-                steps.append((float(now.reward[0]), *(bool(flag[0]) for flag in flags)))
+        for now in play(env, lambda observations: next(taken), start):
+            steps.append(now)
             if now.time == len(actions) or not now.running[0]:
                 break
     except SegarError as error:
         raise SegarError(f"{at}: {error}") from error
-    if len(steps) < len(actions):
-        raise SegarError(f"{at}.actions: there are {len(actions)}, and the episode ends after {len(steps)} of them{by}")
-    again = {"return": total, **dict(zip(TRUTHS, steps[-1][1:], strict=True))}
-    for name in ("return", *ENDS):
-        if said[name] != again[name]:
-            raise SegarError(f"{at}.{name}: is {said[name]}, and {again[name]} when the actions are played again{by}")
-    rewards, *flags = (np.array(column) for column in zip(*steps, strict=True))
-    factors = Factors(env.levels.layout, np.stack(states))
-    return Episode(
-        number=number,
-        level=said["level"],
-        seed=said["seed"],
-        environment=0,
-        actions=np.clip(actions, low, high),
-        rewards=rewards,
-        **dict(zip(TRUTHS, flags, strict=True)),
-        observations={name: np.stack([one[name][0] for one in seen]) for name in seen[0]},
-        factors={name: factors[name] for name in factors},
-    )
+    last = steps[-1]
+    if last.time < len(actions):
+        raise SegarError(f"{at}.actions: there are {len(actions)}, and the episode ends after {last.time} of them{by}")
+    again = {
+        "return": float(last.info["return"][0]),
+        "terminated": bool(last.terminated[0]),
+        "truncated": bool(last.truncated[0]),
+        "success": bool(last.info["success"][0]),
+    }
+    for name, value in again.items():
+        if said[name] != value:
+            raise SegarError(f"{at}.{name}: is {said[name]}, and {value} when the actions are played again{by}")
+    factors = [{**now.info["factors"]} for now in steps]
+    options = {"level": said["level"], "seed": said["seed"], "environment": 0}
+    return episode_of(steps, factors, 0, env.single_action_space, options)
 
 
 def _actions(given: list[list[float]], width: int, at: str) -> np.ndarray:

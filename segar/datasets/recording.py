@@ -1,80 +1,88 @@
-"""Record what policies do: shard by shard, so that a recording that was killed goes on where it stopped."""
+"""Record what policies do as a Minari dataset, batch by batch, so that a recording that was killed goes on where it stopped."""
 
-import dataclasses
-import functools
-import hashlib
-from collections.abc import Callable, Mapping
-from functools import partial
-from os import PathLike
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 
-from segar.datasets.dataset import Dataset, factor_columns, write_shard
-from segar.datasets.manifest import LEVELS, MANIFEST, Manifest, Settings, ShardEntry, check_files, check_same_settings
-from segar.datasets.rollouts import Policy, leaves, roll_out
-from segar.envs import VectorEnv
+from segar.datasets.episodes import Episode, roll_out
+from segar.datasets.recipe import KEY, LEVELS, Recipe, fingerprint_text, hash_of_kernel, recipe_from, recipe_of
+from segar.envs import REWARDS, Policy, VectorEnv
 from segar.errors import SegarError
-from segar.language import Task
-from segar.levels import Levels, hash_of_levels
-from segar.rules import World
-from segar.support import LOCK, UNFINISHED, locked, need, remove_unfinished
+from segar.evaluation import require_options
+from segar.levels import Levels, family, hash_of_levels
+from segar.support import from_json, is_whole, locked, need, replacing
+from segar.tasks import TASKS
 
-HASH_DIGITS = 16  # of the kernel
-SHORT_HASH_DIGITS = 8  # of arrays in texts
+RECIPE = "recipe.json"
+DATA = "data"  # the folder within that of a dataset in which Minari keeps everything
+UNFINISHED = ".segar-recording"  # in Minari's folder; Minari does not list hidden ones
 UNIFORM = "uniform"
 
 
 def record(
-    folder: str | PathLike[str],
+    dataset_id: str,
     levels: Levels,
     policy: Policy | None = None,
     *,
     episodes: int = 100,
     observation: Any = "rgb",
-    task: Task | None = None,
     seed: int = 0,
-    episodes_per_shard: int = 64,
+    batch: int = 64,
     policy_name: str | None = None,
-    max_steps: int | None = None,
-    sub_steps: int | None = None,
-    world: World | None = None,
-    trials: int = 1,
+    author: str = "SEGAR",
+    author_email: str = "",
+    description: str | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Dataset:
-    """Record episodes with all that was seen and all true factors into a folder, and return the dataset.
+    **options: Any,
+) -> Any:
+    """Record episodes with all that was seen and all true factors, and return them as a ``minari.MinariDataset``.
 
     Episode i plays level ``i % len(levels)``; with ``trials=k``, episodes i k to i k + k - 1 play it, one after the other. A
-    shard depends on the settings and its number alone, so a recording that
-    was killed goes on with the shards that are missing, to the same bits; shards that are damaged are recorded again.
+    batch depends on the recipe and its number alone, so a recording that was killed goes on with the batches that are
+    missing, to the same bits. One that is complete is returned.
+
+    Observations are stored as they are, not as JPEG. ``infos`` holds the true factors, ``infos["Mass"]`` float64
+    ``(T + 1, entities)``, and ``level``, ``success`` and ``death``, also ``(T + 1,)``. The environment can be recovered where
+    the levels are those of a Gymnasium id.
 
     Args:
-        folder: where to; made if it is not there. What is recorded there already is kept.
-        levels: what is played; they are saved in the folder, too.
-        policy: function of the batch of observations, ``info`` (with ``info["factors"]``) and a random generator, that
-            gives actions, float32 ``(episodes of the shard, n)``; uniform where it is None.
-        episodes: how many, ``episodes_per_shard`` of them in one file, played side by side; a multiple of ``trials``, to which
-            those of a file are rounded down.
-        observation, task, max_steps, sub_steps, world, trials: as :class:`segar.envs.VectorEnv` takes them.
-        seed: of the randomness in rules, observations and policy.
-        policy_name: for the manifest; else what the policy is called.
-        progress: called with the number of shards that are there and of all.
+        dataset_id: ``name-v0``, or ``group/name-v0``; where Minari keeps its datasets (``MINARI_DATASETS_PATH``).
+        levels: what is played; they are saved in the dataset, too.
+        policy: acts in all episodes of a batch; uniform where it is None. Its random numbers must follow from the
+            environments with which it begins, such as from ``env.state().seed``.
+        episodes: how many, ``batch`` of them side by side; a multiple of ``trials``, to which a batch is rounded down.
+        seed: of the randomness in rules, observations and the uniform policy.
+        policy_name: for the recipe; else what the policy is called.
+        author, author_email, description: for Minari's metadata.
+        progress: called with the number of episodes that are there and of all.
+        options: of :class:`segar.envs.VectorEnv`: ``task``, ``world``, ``unit_actions``, ``trials`` and so on.
 
     Raises:
-        SegarError: pyarrow is not installed, another process records into the folder, the folder holds something else, or a
-            recording with other settings (the message names them), or a file cannot be written.
+        SegarError: Minari is not installed, the name is none of a Minari dataset, an option is unknown, another process
+            records this dataset, one of that name has other settings (the message names them), or a file cannot be written.
     """
-    need("recording", "pyarrow")
-    if episodes < 1 or episodes_per_shard < 1:
-        raise SegarError(f"episodes and episodes_per_shard must be at least 1, not {episodes} and {episodes_per_shard}")
-    options = {"observation": observation, "task": task, "max_steps": max_steps, "sub_steps": sub_steps, "world": world}
-    options["trials"] = trials
-    make_env = partial(VectorEnv, levels, seed=seed, autoreset_mode="Disabled", **options)
-    one = make_env(1)
+    for name, value in (("episodes", episodes), ("batch", batch)):
+        if not is_whole(value) or value < 1:
+            raise SegarError(f"record: {name} must be a whole number from 1, not {value!r}")
+    require_options("record", options, ("episodes", "batch", "policy"), ("device",))
+    target = _place(dataset_id)
+    import minari
+    from minari.dataset.minari_storage import MinariStorage
+
+    options = {"observation": observation, **options}
+    one = VectorEnv(levels, 1, seed=seed, **options)
     if episodes % one.trials:
         raise SegarError(f"episodes must be a multiple of trials, {one.trials}, not {episodes}")
-    settings = Settings(
+    recipe = Recipe(
         levels=hash_of_levels(levels),
         number_of_levels=len(levels),
         kernel=hash_of_kernel(one),
@@ -83,113 +91,138 @@ def record(
         sub_steps=one.task.sub_steps,
         observation=observation if isinstance(observation, str) else fingerprint_text(observation),
         policy=policy_name or (UNIFORM if policy is None else fingerprint_text(policy)),
+        unit_actions=bool(options.get("unit_actions", False)),
+        trials=one.trials,
         seed=seed,
         episodes=episodes,
-        episodes_per_shard=max(episodes_per_shard // one.trials, 1) * one.trials,
-        trials=one.trials,
+        batch=max(batch // one.trials, 1) * one.trials,
     )
-    folder = Path(folder)
-    _require_dataset_or_empty(folder)
-    with locked(folder, SegarError, "wait until it has recorded, or name another folder"):
-        manifest = _begun(folder, settings, levels, one)
-        for number in range(settings.shards):
-            if not _is_whole(folder, number, manifest):
-                entry = _record_shard(folder, number, settings, make_env, policy)
-                manifest = manifest.with_shard(number, entry)
-                manifest.write(folder)
+    if target.exists():
+        found = minari.load_dataset(dataset_id)
+        recipe_of(found).require_same(recipe, f"there is a Minari dataset '{dataset_id}' already, in {target},")
+        return found
+    summary = f"{episodes} episodes of {recipe.task} on {levels!r}, played by {recipe.policy}"
+    by = {"author": {author}, "author_email": {author_email}, "description": description or summary}
+    with _unfinished(dataset_id, recipe) as folder:
+        parts = []
+        for number, numbers in enumerate(recipe.numbers()):
+            parts.append(folder / f"batch-{number:05d}")
+            if not parts[-1].exists():
+                players = numbers[:: recipe.trials]
+                env = VectorEnv(levels, len(players), seed=seed, **options)
+                played = np.array(players) // recipe.trials % len(levels)
+                acts = _uniform(env, [seed, number]) if policy is None else policy
+                _write(parts[-1], roll_out(env, played, recipe.seed_of(number), acts), one, None)
             if progress is not None:
-                progress(number + 1, settings.shards)
-        return Dataset.load(folder, world or levels.world)
+                progress(numbers.stop, episodes)
+        whole = folder / DATA
+        _write(whole, (episode for part in parts for episode in _read(part)), one, _spec_of(levels, recipe))
+        levels.save(whole / LEVELS)
+        facts = {"dataset_id": dataset_id, "minari_version": minari.__version__, "algorithm_name": recipe.policy}
+        MinariStorage.read(whole).update_metadata({**facts, **by, KEY: asdict(recipe)})
+        target.mkdir(parents=True)
+        os.replace(whole, target / DATA)
+        _list_group(dataset_id.rpartition("/")[0])
+    return minari.load_dataset(dataset_id)
 
 
-def _require_dataset_or_empty(folder: Path) -> None:
-    """Make the folder if it is not there; raise :class:`SegarError` where it holds something else than a dataset."""
+def _uniform(env: VectorEnv, seeds: list[int]) -> Policy:
+    """The policy that draws from all actions uniformly."""
+    space, rng = env.action_space, np.random.default_rng(seeds)
+    return lambda observations: rng.uniform(space.low, space.high)  # type: ignore[attr-defined]
+
+
+def _place(dataset_id: str) -> Path:
+    """The folder of a Minari dataset; raises :class:`SegarError` where the name is none, or Minari is not installed."""
+    need("recording", "minari", "h5py")
+    from minari.dataset.minari_dataset import parse_dataset_id
+    from minari.storage import get_dataset_path
+
+    try:
+        parse_dataset_id(dataset_id)
+    except (ValueError, TypeError):  # the second where there is no version
+        raise SegarError(f"'{dataset_id}' names no Minari dataset; write name-v0, or group/name-v0") from None
+    return Path(get_dataset_path(dataset_id))
+
+
+@contextmanager
+def _unfinished(dataset_id: str, recipe: Recipe) -> Iterator[Path]:
+    """The folder of a recording that was begun before, or is begun now; it is removed when the block ends without an error."""
+    from minari.storage import get_dataset_path
+
+    folder = Path(get_dataset_path()) / UNFINISHED / dataset_id
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        there = {path.name for path in folder.iterdir()}
     except OSError as cause:
-        raise SegarError(f"episodes cannot be recorded into {folder}: {cause.strerror}; name another folder") from cause
-    foreign = [name for name in there - {LEVELS, LOCK} if not name.startswith(UNFINISHED)]
-    if foreign and MANIFEST not in there:
-        raise SegarError(
-            f"{folder} is not empty and holds no dataset: there is {sorted(foreign)[0]}; name another folder"
-        )
+        raise SegarError(f"episodes cannot be recorded into {folder}: {cause.strerror}") from cause
+    with locked(folder, SegarError, "wait until it has recorded, or choose another name"):
+        begun = folder / RECIPE
+        if begun.exists():
+            recipe_from(from_json(begun.read_bytes()), str(begun)).require_same(recipe, f"{folder} holds a recording")
+        else:
+            with replacing(begun, "the recipe") as beside:
+                beside.write_text(json.dumps(asdict(recipe), indent=1) + "\n")
+        try:
+            yield folder
+        except BaseException:
+            if not any(folder.glob("batch-*")):  # there is nothing to go on from
+                shutil.rmtree(folder)
+            raise
+    shutil.rmtree(folder)
 
 
-def hash_of_kernel(env: VectorEnv) -> str:
-    """Sixteen hexadecimal digits that change with rules, task and layout."""
-    return hashlib.sha256(env.simulator.source.text.encode()).hexdigest()[:HASH_DIGITS]
+def _write(place: Path, episodes: Iterable[Episode], env: VectorEnv, spec: EnvSpec | None) -> None:
+    """Write episodes as Minari stores them, into a folder that is there when it is complete."""
+    from minari.data_collector import EpisodeBuffer
+    from minari.dataset.minari_storage import MinariStorage
+
+    beside = place.with_suffix(".writing")
+    shutil.rmtree(beside, ignore_errors=True)  # of a recording that was killed
+    shutil.rmtree(place, ignore_errors=True)
+    storage = MinariStorage.new(
+        beside, env.single_observation_space, env.single_action_space, spec, jpeg_encoding=False
+    )
+    buffers: Any = ({**vars(one), "options": _stored(one.options)} for one in episodes)
+    storage.update_episodes(EpisodeBuffer(**one) for one in buffers)
+    os.replace(beside, place)
 
 
-def _begun(folder: Path, settings: Settings, levels: Levels, env: VectorEnv) -> Manifest:
-    """The manifest of a recording that was begun before, or is begun now."""
-    if (folder / MANIFEST).exists():
-        manifest = Manifest.read(folder)
-        check_same_settings(manifest, settings, folder)
-        remove_unfinished(folder)
-        return manifest
-    remove_unfinished(folder)
-    levels.save(folder / LEVELS)
-    observations, _ = env.reset(seed=0)
-    arrays = {name: {"shape": list(a.shape[1:]), "dtype": str(a.dtype)} for name, a in leaves(observations).items()}
-    manifest = Manifest(settings, factor_columns(levels.layout), arrays)
-    manifest.write(folder)
-    return manifest
+def _stored(options: dict[str, Any]) -> dict[str, Any]:
+    """The options of an episode as HDF5 can hold them: seeds are beyond its default integers."""
+    return {**options, "seed": np.uint64(options["seed"])}
 
 
-def _record_shard(
-    folder: Path, number: int, settings: Settings, make_env: Callable[[int], VectorEnv], policy: Policy | None
-) -> ShardEntry:
-    """Play the episodes of a shard and write them."""
-    numbers = np.array(settings.episodes_of(number))
-    rows = numbers[:: settings.trials] // settings.trials
-    env = make_env(len(rows))
-    seed = int(np.random.SeedSequence([settings.seed, number]).generate_state(1, np.uint64)[0])
-    rng = np.random.default_rng([settings.seed, number])
-    rollouts = roll_out(env, rows % len(env.levels), int(numbers[0]), seed, policy or _uniform(env), rng)
-    return write_shard(folder, number, rollouts, seed, env.levels.layout)
+def _read(place: Path) -> Iterator[Episode]:
+    """The episodes that a folder holds."""
+    from minari.dataset.minari_storage import MinariStorage
+
+    storage = MinariStorage.read(place)
+    numbers = range(storage.total_episodes)
+    for found, metadata in zip(storage.get_episodes(numbers), storage.get_episode_metadata(numbers), strict=True):
+        yield Episode(**{name: value for name, value in found.items() if name != "id"}, options=metadata["options"])
 
 
-def _uniform(env: VectorEnv) -> Policy:
-    """The policy that draws from all actions uniformly."""
-    space: Any = env.action_space
-    return lambda observations, info, rng: rng.uniform(space.low, space.high)
+def _list_group(group: str) -> None:
+    """Have Minari list the group of a dataset."""
+    from minari.namespace import create_namespace, list_local_namespaces
+
+    if group and group not in list_local_namespaces():
+        create_namespace(group)
 
 
-def _is_whole(folder: Path, number: int, manifest: Manifest) -> bool:
-    """Whether a shard is there, as the manifest says."""
-    if number not in manifest.shards:
-        return False
-    try:
-        check_files(folder, number, manifest.shards[number].files)
-    except SegarError:
-        return False  # it is recorded again, to the same bits
-    return True
-
-
-def fingerprint_text(thing: Any) -> str:
-    """A text that differs for different observations or policies: classes and functions by name, arrays by hash.
-
-    An object whose ``repr`` is an address is described by its class alone.
-    """
-    if isinstance(thing, np.ndarray):
-        digest = hashlib.sha256(np.ascontiguousarray(thing).tobytes()).hexdigest()[:SHORT_HASH_DIGITS]
-        return f"{thing.dtype}{list(thing.shape)}:{digest}"
-    if isinstance(thing, functools.partial):
-        given = [*map(fingerprint_text, thing.args), *_named(thing.keywords, "=")]
-        return f"{fingerprint_text(thing.func)}({', '.join(given)})"
-    if hasattr(thing, "__qualname__"):
-        return f"{thing.__module__}.{thing.__qualname__}"
-    if dataclasses.is_dataclass(thing):
-        parts = {field.name: getattr(thing, field.name) for field in dataclasses.fields(thing)}
-        return f"{type(thing).__name__}({', '.join(_named(parts, '='))})"
-    if isinstance(thing, Mapping):
-        return f"{{{', '.join(_named({fingerprint_text(key): value for key, value in thing.items()}, ': '))}}}"
-    if isinstance(thing, (tuple, list)):
-        return f"({', '.join(map(fingerprint_text, thing))})"
-    shown = repr(thing)
-    return shown if " at 0x" not in shown else f"{type(thing).__module__}.{type(thing).__qualname__}"
-
-
-def _named(parts: Mapping[str, Any], separator: str) -> list[str]:
-    return [f"{name}{separator}{fingerprint_text(part)}" for name, part in parts.items()]
+def _spec_of(levels: Levels, recipe: Recipe) -> EnvSpec | None:
+    """The Gymnasium environment of these levels, if an id names their family, task and observation."""
+    origin, n = levels.provenance, len(levels)
+    suffixes = {f"puttputt-{reward}": suffix for suffix, reward in REWARDS.items()}
+    suffix = "" if origin.name in TASKS else suffixes.get(recipe.task)
+    id_ = f"Segar-{origin.name}-{recipe.observation}{suffix}-v0"
+    if suffix is None or id_ not in gymnasium.registry or not np.array_equal(origin.indices, np.arange(n)):
+        return None
+    if origin.distribution != family(str(origin.name)).hash:
+        return None
+    spec = gymnasium.spec(id_)
+    options = {"num_levels": n, "seed": origin.seed, "split": origin.split}
+    options |= {name: getattr(recipe, name) for name in ("max_steps", "sub_steps", "trials", "unit_actions")}
+    return EnvSpec(
+        id_, entry_point=spec.entry_point, vector_entry_point=spec.vector_entry_point, kwargs={**spec.kwargs, **options}
+    )

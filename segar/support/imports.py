@@ -130,7 +130,7 @@ def _reason(error: Exception) -> str:
 
 EXTRAS = {
     "render": ("pygame", "imageio", "imageio_ffmpeg", "PIL"),
-    "datasets": ("minari", "h5py", "pyarrow"),
+    "datasets": ("minari", "h5py"),
     "filters": ("safetensors",),
     "sb3": ("stable_baselines3",),
     "results": ("pooch",),

@@ -1,11 +1,13 @@
 """A recorded dataset that tests read, and levels whose rules draw numbers."""
 
+from typing import Any
+
 import pytest
 
 import segar
-from segar.datasets import Dataset, record
+from segar.datasets import record
 
-LEVELS = segar.family("objectsx1-hard").sample(3, seed=0)
+OPTIONS: dict[str, Any] = {"episodes": 7, "batch": 3, "max_steps": 9}
 
 
 @segar.rule
@@ -16,15 +18,24 @@ def tremble(v: segar.Velocity) -> segar.Differential[segar.Velocity]:
     )
 
 
+@pytest.fixture(autouse=True)
+def root(tmp_path, monkeypatch):
+    """Where Minari keeps the datasets of a test."""
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    return tmp_path / "minari"
+
+
 @pytest.fixture(scope="session")
 def levels() -> segar.Levels:
-    return LEVELS
+    return segar.family("objectsx1-hard").sample(3, seed=0)
 
 
 @pytest.fixture(scope="session")
-def recorded(tmp_path_factory) -> Dataset:
-    """Seven episodes of at most 9 steps, in shards of three; nobody writes to it."""
-    return record(tmp_path_factory.mktemp("recorded") / "data", LEVELS, episodes=7, episodes_per_shard=3, max_steps=9)
+def recorded(tmp_path_factory, levels) -> Any:
+    """Seven episodes of at most 9 steps, in batches of three; nobody writes to it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MINARI_DATASETS_PATH", str(tmp_path_factory.mktemp("recorded")))
+        return record("segar/objectsx1-hard-v0", levels, **OPTIONS)
 
 
 @pytest.fixture

@@ -47,31 +47,35 @@ def test_a_recording_is_read_as_the_episodes_that_were_played(name, tmp_path):
     levels = segar.family(name).sample(3, seed=0)
     data, rewards = played(tmp_path / "play.json", levels, [(2, 5), (0, 5), (0, 7)], FAMILIES[name])
     found, episodes = read_play(tmp_path / "play.json")
-    assert found == levels and [e.number for e in episodes] == [0, 1, 2]
+    assert found == levels
     for said, reward, episode in zip(data["episodes"], rewards, episodes, strict=True):
-        assert (episode.level, episode.seed, episode.environment) == (said["level"], said["seed"], 0)
+        assert episode.options == {"level": said["level"], "seed": said["seed"], "environment": 0}
         assert episode.actions.dtype == np.float32 and episode.actions.tolist() == said["actions"]
         assert episode.rewards.tolist() == reward
-        for name in ("terminated", "truncated", "success"):
-            assert getattr(episode, name).dtype == bool and getattr(episode, name)[-1] == said[name]
+        ends = {
+            "terminated": episode.terminations,
+            "truncated": episode.truncations,
+            "success": episode.infos["success"],
+        }
+        assert all(array.dtype == bool and array[-1] == said[name] for name, array in ends.items())
         states = len(episode) + 1
-        assert episode.observations["observation"].shape[0] == states
-        assert episode.factors["Position"].shape == (states, len(levels.layout.slots), 2)
+        assert episode.observations.shape[0] == states
+        assert episode.infos["Position"].shape == (states, len(levels.layout.slots), 2)
         start = levels.values[said["level"], :, levels.layout.columns[segar.Position]]
-        assert np.array_equal(episode.factors["Position"][0, :, 0], start, equal_nan=True)
+        assert np.array_equal(episode.infos["Position"][0, :, 0], start, equal_nan=True)
 
 
 def test_an_episode_that_the_player_left_has_no_end(tmp_path):
     played(tmp_path / "play.json", segar.family("empty-easy").sample(2, seed=0), [(1, 3)], steps=4)
     _, [episode] = read_play(tmp_path / "play.json", observation="rgb")
-    assert len(episode) == 4 and not episode.terminated.any() and not episode.truncated.any()
-    assert episode.observations["observation"].shape == (5, 64, 64, 3)
+    assert len(episode) == 4 and not episode.terminations.any() and not episode.truncations.any()
+    assert episode.observations.shape == (5, 64, 64, 3)
 
 
 def test_rules_that_draw_numbers_draw_those_of_the_recorded_seed(tmp_path, trembling):
     played(tmp_path / "play.json", trembling, [(0, 1), (0, 2)], steps=5)
     _, (one, other) = read_play(tmp_path / "play.json", world=trembling.world)
-    assert not np.array_equal(one.factors["Velocity"], other.factors["Velocity"], equal_nan=True)
+    assert not np.array_equal(one.infos["Velocity"], other.infos["Velocity"], equal_nan=True)
     with pytest.raises(SegarError, match=r"play.json: these levels were saved with rules of their own"):
         read_play(tmp_path / "play.json")
 
