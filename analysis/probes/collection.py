@@ -10,9 +10,8 @@ import torch
 
 from analysis.probes.pairs import NAME_OF_TYPE, Column, Frames
 from analysis.tables import Floats, Ints
-from experiments.algorithms.learner import Policy
-from experiments.evaluation.baselines import RandomAgent
-from experiments.evaluation.episodes import Agent, action_rng, actions_of
+from experiments.algorithms.learner import PolicyNetwork
+from experiments.evaluation.episodes import Agent, action_rng, as_policy
 from experiments.evaluation.evaluator import OWN, load_agent, options_of
 from experiments.levels.builders import distribution_of
 from experiments.runs.run_folder import read_config
@@ -37,7 +36,7 @@ def collect_run(
     num_envs: int = ENVS,
     mode: str = "deterministic",
     seed: int = 0,
-) -> tuple[Policy, Frames]:
+) -> tuple[PolicyNetwork, Frames]:
     """The policy of a run, and the frames that it sees on levels.
 
     Args:
@@ -121,7 +120,7 @@ def play_wave(
     """
     parts: list[dict[str, Any]] = []
     observation, factors, frames = np.zeros(0), np.zeros(0), 0
-    for now in play(env, actions_of(agent, env, rng), env.reset(options={"levels": levels})):
+    for now in play(env, as_policy(agent, rng), env.reset(options={"levels": levels})):
         # Where an episode ended, this is the first state of the next one already: "late" means what it meant in 2022.
         later = read_columns(env, columns)
         rows = np.flatnonzero(now.played)
@@ -162,6 +161,21 @@ def read_columns(env: VectorEnv, columns: Sequence[Column]) -> Floats:
     return out
 
 
+class _Scout:
+    """The policy that acts uniformly at random, with the draws of torch."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng = torch.Generator().manual_seed(seed)
+
+    def begin(self, env: VectorEnv) -> None:
+        """Episodes start in ``env``."""
+        self.low, self.high = (torch.from_numpy(bound) for bound in (env.action_space.low, env.action_space.high))  # type: ignore[attr-defined]
+
+    def __call__(self, observation: Any) -> np.ndarray:
+        """Actions float32 ``(n, action size)``."""
+        return torch.lerp(self.low, self.high, torch.rand(self.low.shape, generator=self.rng)).numpy()
+
+
 def varying_columns(distribution: Any, options: Mapping[str, Any] | None = None) -> tuple[Column, ...]:
     """Every factor, type and world parameter that varies under a level distribution: the same set for any sample of it.
 
@@ -172,7 +186,7 @@ def varying_columns(distribution: Any, options: Mapping[str, Any] | None = None)
     levels = distribution.sample(SCOUTS, seed=SCOUT_SEED, split="train")
     known = all_columns(distribution, levels)
     options = {**(options or {}), "observation": "state"}
-    found = collect(RandomAgent(SCOUT_SEED), levels, known, options, frames=SCOUTS * SCOUT_STEPS, num_envs=SCOUTS)
+    found = collect(_Scout(SCOUT_SEED), levels, known, options, frames=SCOUTS * SCOUT_STEPS, num_envs=SCOUTS)
     varied = []
     for k, column in enumerate(known):
         x = found.factors[:, k]

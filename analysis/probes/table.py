@@ -17,7 +17,7 @@ from analysis.probes.factors import probe_factors
 from analysis.probes.information import Bound, estimate_bounds, mine_of_2022
 from analysis.probes.pairs import Frames, Pairs, standardised
 from analysis.stats.estimate import mean_of_replicates
-from experiments.algorithms.learner import Policy
+from experiments.algorithms.learner import PolicyNetwork
 from experiments.evaluation.evaluator import new_policy, options_of, shape_in
 from experiments.evaluation.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
 from experiments.networks.encoders import initialize
@@ -114,7 +114,7 @@ def represent(kind: str, frames: Frames, trained: Pairs, folder: Path, rng: np.r
     raise SegarError(f"representation '{kind}' is unknown")
 
 
-def untrained(folder: Path, rng: np.random.Generator) -> Policy:
+def untrained(folder: Path, rng: np.random.Generator) -> PolicyNetwork:
     """The network of a run with fresh weights."""
     config = computed_as_begun(folder, read_config(folder))
     policy = new_policy(config, shape_in(Levels.load(folder / LEVELS_TRAIN), config, options_of(folder, config)))

@@ -16,8 +16,7 @@ import pandas as pd
 
 from analysis.tables import write_csv
 from experiments.commands.command_line import run_from_command_line
-from experiments.evaluation.baselines import IdleAgent
-from experiments.evaluation.episodes import play_episodes
+from segar.evaluation import Idle, play_episodes
 from segar.hardness import Hardness, hardness
 from segar.language import Task
 from segar.levels import DIFFICULTIES, Levels, family
@@ -37,8 +36,8 @@ def players(kind: str, difficulty: str, count: int) -> list[dict[str, Any]]:
     """One row per player, and the row ``floor``, on ``count`` test levels of a panel."""
     levels = family(f"{kind}-{difficulty}").sample(count, seed=0, split="test")
     found = hardness_of(levels)
-    idle = play_episodes(IdleAgent(), levels, np.arange(count), {}, rng=None, seed=0)
-    alone = np.array([r["return"] for r in idle]), np.array([r["success"] for r in idle], float)
+    idle = play_episodes(levels, np.arange(count), Idle(), seed=0)
+    alone = idle.returns, idle.success.astype(float)
     chance = found.random_return, found.random_success
     episodes = {
         "idle": alone,

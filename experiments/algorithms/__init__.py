@@ -5,7 +5,7 @@ lie in modules of their own. The modules of ``experiments`` name the file instea
 under is only the code that it executes.
 """
 
-from experiments.algorithms.learner import Learner, Policy, learner_class, make_learner
+from experiments.algorithms.learner import Learner, PolicyNetwork, learner_class, make_learner
 from experiments.algorithms.ppo import PPO, PPOPolicy
 
-__all__ = ["PPO", "Learner", "PPOPolicy", "Policy", "learner_class", "make_learner"]
+__all__ = ["PPO", "Learner", "PPOPolicy", "PolicyNetwork", "learner_class", "make_learner"]

@@ -18,10 +18,11 @@ from segar.envs import VectorEnv
 SHOWN = 6  # members that an error lists, at most
 
 
-class Policy(Protocol):
-    """A network that acts. It is an ``nn.Module``, so that checkpoints can hold its weights.
+class PolicyNetwork(Protocol):
+    """A network that acts. It is an ``nn.Module``, so that checkpoints can hold its weights; evaluation makes it a
+    :class:`segar.envs.Policy`.
 
-    A policy with a memory, or one that must know more than it observes, also has a method ``begin(env)``: evaluation calls
+    A network with a memory, or one that must know more than it observes, also has a method ``begin(env)``: evaluation calls
     it when the episodes of a batch start in a :class:`segar.envs.VectorEnv`.
     """
 
@@ -41,7 +42,7 @@ class Learner(Protocol):
     wants. Without it, they are a :class:`segar.envs.torchrl_env.TorchRLEnv`.
     """
 
-    policy: Any  # a Policy and an nn.Module
+    policy: Any  # a PolicyNetwork and an nn.Module
     frames: int  # environment steps so far
 
     def __init__(self, config: AlgorithmConfig, env: VectorEnv, frames: int, seed: int) -> None:
@@ -87,7 +88,7 @@ def make_learner(kind: type[Learner], config: AlgorithmConfig, env: Any, frames:
     """A learner of this class; raises :class:`ConfigError` that lists the attributes which it or its policy lacks."""
     learner, name = kind(config, env, frames, seed), f"{kind.__module__}:{kind.__qualname__}"
     _require_members(learner, Learner.__annotations__, f"{name} is no learner")
-    _require_members(learner.policy, {**vars(Policy), **vars(nn.Module)}, f"the policy of {name} is none")
+    _require_members(learner.policy, {**vars(PolicyNetwork), **vars(nn.Module)}, f"the policy of {name} is none")
     return learner
 
 

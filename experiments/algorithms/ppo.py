@@ -224,7 +224,7 @@ class PPOPolicy(nn.Module):
         return loc, scale, self.value(hidden if self.shared else observation)
 
     def step(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """See :class:`experiments.collection.collector.StepPolicy`; there is no memory."""
+        """See :class:`experiments.collection.collector.ActorCritic`; there is no memory."""
         return (*self(observation), memory)
 
     def prepare(self, observation: Tensor, done: Tensor) -> Tensor:

@@ -74,7 +74,7 @@ class RecurrentPolicy(nn.Module):
         return self.mean(hidden), self.log_std(hidden).clamp(*self.log_std_range).exp()
 
     def step(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """See :class:`experiments.collection.collector.StepPolicy`."""
+        """See :class:`experiments.collection.collector.ActorCritic`."""
         states = [part.contiguous()[None] for part in memory.chunk(len(self.states), -1)]
         hidden, after = self.cells(self.encoder(observation)[:, None], states[0] if len(states) == 1 else tuple(states))
         hidden = hidden[:, 0]

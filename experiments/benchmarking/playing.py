@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,23 +14,13 @@ from experiments.benchmarking.protocol import CONTROL, SIDES, TWIN
 from experiments.benchmarking.row import EPISODES, Method, Piece
 from experiments.levels.builders import environment_options
 from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
-from segar.envs import Act, VectorEnv
-from segar.errors import SegarError
-from segar.evaluation import (
-    PlayedEpisodes,
-    RecordedActions,
-    evaluate_levels,
-    idle_player,
-    play_episodes,
-    random_player,
-)
-from segar.language import Factors
+from segar.envs import Policy
+from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scripted, evaluate_levels, play_episodes
 from segar.levels import Levels, hash_of_levels
 from segar.policies import Network, NetworkPolicy
 from segar.suites import RANDOM_PLAYS, Suite, plans_on
 from segar.support import Form, open_npz
 
-MakeAct = Callable[[VectorEnv], Act]
 SEED = 0  # of the environments
 
 
@@ -45,12 +35,8 @@ def play_network(network: Network, suite: Suite, method: Method, sets: Mapping[s
     """The episodes of a network without noise, one on each level."""
     policy = NetworkPolicy(network, unit_actions=True)
 
-    def make_act(env: VectorEnv) -> Act:
-        policy.begin(env)
-        return lambda now: policy(now.observation)
-
     options = {side: options_of(suite, method, sets["train"].levels, side) for side in SIDES}
-    played = {name: play_each(one.levels, make_act, options[one.side]) for name, one in sets.items()}
+    played = {name: play_each(one.levels, policy, options[one.side]) for name, one in sets.items()}
     return table_of(suite, seed, sets, played)
 
 
@@ -74,9 +60,9 @@ def play_actions(actions: Mapping[str, np.ndarray], suite: Suite, sets: Mapping[
     return table_of(suite, seed, sets, found)
 
 
-def play_each(levels: Levels, make_act: MakeAct, options: Mapping[str, Any], plays: int = 1) -> PlayedEpisodes:
+def play_each(levels: Levels, policy: Policy, options: Mapping[str, Any], plays: int = 1) -> PlayedEpisodes:
     """``plays`` episodes on each level."""
-    return play_episodes(levels, np.tile(np.arange(len(levels)), plays), make_act, seed=SEED, **options)
+    return play_episodes(levels, np.tile(np.arange(len(levels)), plays), policy, seed=SEED, **options)
 
 
 def play_player(player: str, suite: Suite, sets: Mapping[str, LevelSet], seed: int) -> pa.Table:
@@ -84,20 +70,13 @@ def play_player(player: str, suite: Suite, sets: Mapping[str, LevelSet], seed: i
     options = {"task": suite.task}
     if player == "random":
         played = {
-            side: play_each(one.levels, random_player(seed, SIDES.index(side)), options, RANDOM_PLAYS)
+            side: play_each(one.levels, Random(seed, SIDES.index(side)), options, RANDOM_PLAYS)
             for side, one in sets.items()
         }
     else:
-        made = {"idle": idle_player, "script": scripted_player}[player]
-        played = {name: play_each(one.levels, made, options) for name, one in sets.items()}
+        policy = {"idle": Idle, "script": Scripted}[player]()
+        played = {name: play_each(one.levels, policy, options) for name, one in sets.items()}
     return table_of(suite, seed, sets, played)
-
-
-def scripted_player(env: VectorEnv) -> Act:
-    """What the task's scripted player does, which sees the true factors."""
-    if env.task.demo_actions is None:
-        raise SegarError(f"the task {env.task.name} has no scripted player; leave its suites out of the row script")
-    return lambda now: env.task.scripted_actions(Factors(env.levels.layout, env.state().state.values))
 
 
 def planned(suite: Suite, sets: Mapping[str, LevelSet], seed: int) -> dict[str, np.ndarray]:

@@ -6,10 +6,10 @@ resumed under is only the code that it executes.
 
 from experiments.collection.async_collector import AsyncCollector
 from experiments.collection.collector import (
+    ActorCritic,
     Collected,
     Collector,
     Rollout,
-    StepPolicy,
     action_size,
     figures_at_end,
     mean_figures,
@@ -21,7 +21,19 @@ from experiments.collection.replay import Replay
 from experiments.collection.rewards import ReturnScale, learner_reward
 
 __all__ = [
-    "AsyncCollector", "Collected", "Collector", "DeviceCollector", "Replay", "ReturnScale", "Rollout", "StepPolicy",
-    "action_size", "as_tensors", "figures_at_end", "from_tensors", "learner_reward", "mean_figures",
+    "ActorCritic",
+    "AsyncCollector",
+    "Collected",
+    "Collector",
+    "DeviceCollector",
+    "Replay",
+    "ReturnScale",
+    "Rollout",
+    "action_size",
+    "as_tensors",
+    "figures_at_end",
+    "from_tensors",
+    "learner_reward",
+    "mean_figures",
     "observation_shape",
 ]  # fmt: skip

@@ -22,7 +22,7 @@ class AsyncCollector:
 
     Args:
         env: only this collector may step it.
-        policy: a module that is a :class:`experiments.collection.collector.StepPolicy`; a copy of it acts.
+        policy: a module that is a :class:`experiments.collection.collector.ActorCritic`; a copy of it acts.
         num_steps: of each environment, per collection.
         device: where policy and rollouts live. On a GPU the collection has a stream of its own.
         joins_trials: as of :class:`experiments.collection.collector.Collector`.

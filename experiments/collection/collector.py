@@ -32,8 +32,8 @@ def action_size(env: VectorEnv) -> int:
     return shape[0]
 
 
-class StepPolicy(Protocol):
-    """A policy that a collector can step: it also estimates values, and has a memory, which may be empty."""
+class ActorCritic(Protocol):
+    """A network that a collector reads: distributions of actions, values, and a memory, which may be empty."""
 
     memory_width: int
 
@@ -148,7 +148,7 @@ class Collector(RunningEpisodes):
     def __init__(
         self,
         env: VectorEnv,
-        policy: StepPolicy,
+        policy: ActorCritic,
         num_steps: int,
         device: torch.device,
         joins_trials: bool = False,

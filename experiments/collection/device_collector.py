@@ -8,10 +8,10 @@ from torch import Tensor
 
 from experiments.collection.collector import (
     EPISODE_FIGURES,
+    ActorCritic,
     Collected,
     Rollout,
     RunningEpisodes,
-    StepPolicy,
     action_size,
     mean_figures,
 )
@@ -38,7 +38,7 @@ class DeviceCollector(RunningEpisodes):
     """
 
     def __init__(
-        self, env: VectorEnv, policy: StepPolicy, num_steps: int, device: torch.device, joins_trials: bool = False
+        self, env: VectorEnv, policy: ActorCritic, num_steps: int, device: torch.device, joins_trials: bool = False
     ) -> None:
         require_one_device(device, env)
         self.joins_trials = joins_trials

@@ -2,52 +2,69 @@
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 import torch
 
+from experiments.algorithms.learner import PolicyNetwork
 from experiments.levels.builders import Prepared
-from experiments.networks.encoders import successive
+from experiments.networks.encoders import forget_frames, successive
 from experiments.runs.run_folder import RESULTS
 from experiments.runs.run_rows import result_figures
 from experiments.settings import ACTION_MODES
 from segar import evaluation
-from segar.envs import Act, TimeStep, VectorEnv
+from segar.envs import Policy, VectorEnv, begin_policy
 from segar.errors import UnseenDifferenceWarning
 from segar.evaluation import QUANTITIES, TRIAL_QUANTITIES, adaptation_gain
 from segar.levels import Levels
 from segar.metrics import coverage, effective_number, ks, sample_entropy, unseen_differences, w2
 
 NAMED = 3  # levels that a warning names
+Agent: TypeAlias = Policy | PolicyNetwork
+"""What is evaluated: a policy, or the network of a learner, which acts in two modes."""
 
 
-class Agent(Protocol):
-    """What acts: a :class:`experiments.algorithms.learner.Policy`, or an agent of :mod:`experiments.evaluation.baselines`.
+class NetworkActions:
+    """The policy that acts as a learner's network does.
 
-    An agent that remembers, or that reads more than observations, has a method ``begin(env)``, too. It is called when
-    the episodes of a batch start, and ``act`` is then always given the observations of all environments.
+    Args:
+        network: see :class:`experiments.algorithms.learner.PolicyNetwork`.
+        rng: source of sampled actions; the actions are deterministic where it is None.
     """
 
-    def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
-        """Actions float32 [n, 2] for observations [n, ...]; sampled with ``rng``, deterministic where it is None."""
-        ...
+    def __init__(self, network: PolicyNetwork, rng: torch.Generator | None) -> None:
+        self.network, self.rng = network, rng
+        self.only_running = not hasattr(network, "begin")  # one that remembers is given all observations
+
+    def begin(self, env: VectorEnv) -> None:
+        """Episodes start in ``env``."""
+        forget_frames(self.network)
+        begin_policy(self.network, env)
+
+    def __call__(self, observations: np.ndarray) -> np.ndarray:
+        """Actions float32 ``(n, action size)``."""
+        return self.network.act(observations, rng=self.rng)
 
 
-def evaluate_run(policy: Agent, prepared: Prepared, train: Levels, test: Levels) -> list[dict[str, Any]]:
+def as_policy(agent: Agent, rng: torch.Generator | None) -> Policy:
+    """The policy of an agent: a network acts with ``rng``, deterministically where it is None; a policy is itself."""
+    return NetworkActions(agent, rng) if hasattr(agent, "act") else agent  # type: ignore[arg-type, return-value]
+
+
+def evaluate_run(agent: Agent, prepared: Prepared, train: Levels, test: Levels) -> list[dict[str, Any]]:
     """Episodes on all training levels (each equally often, ``evaluation.episodes`` in all at least) and on each test
     level once, with deterministic and with sampled actions; rows as in ``run_folder.EPISODE_SCHEMA``."""
     asked = prepared.config.evaluation
     rounds = -(-asked.episodes // len(train))
     return [
-        *play_in_modes(policy, "train", train, prepared.env_options(train=train), asked.seed, rounds=rounds),
-        *play_in_modes(policy, "test", test, prepared.env_options(train=train, which="test"), asked.seed),
+        *play_in_modes(agent, "train", train, prepared.env_options(train=train), asked.seed, rounds=rounds),
+        *play_in_modes(agent, "test", test, prepared.env_options(train=train, which="test"), asked.seed),
     ]
 
 
 def play_in_modes(
-    policy: Agent,
+    agent: Agent,
     name: str,
     levels: Levels,
     env_options: Mapping[str, Any],
@@ -65,7 +82,7 @@ def play_in_modes(
     rows = []
     for mode in modes:
         indices, rng = np.tile(np.arange(len(levels)), rounds), action_rng(mode, seed)
-        episodes = play_episodes(policy, levels, indices, env_options, rng=rng, seed=seed)
+        episodes = play_episodes(agent, levels, indices, env_options, rng=rng, seed=seed)
         rows += [{"levels": name, "action_mode": mode, **episode} for episode in episodes]
     return rows
 
@@ -76,7 +93,7 @@ def action_rng(mode: str, seed: int) -> torch.Generator | None:
 
 
 def play_episodes(
-    policy: Agent,
+    agent: Agent,
     levels: Levels,
     indices: np.ndarray,
     env_options: Mapping[str, Any],
@@ -90,34 +107,11 @@ def play_episodes(
         rng: source of sampled actions; None plays the deterministic policy.
         seed: of the environments, for tasks whose physics is random.
     """
-    with ExitStack() as reading:
-
-        def make_act(env: VectorEnv) -> Act:
-            reading.close()  # what an encoder remembers of one batch is not for the next
-            reading.enter_context(successive(policy))
-            return actions_of(policy, env, rng)
-
-        played = evaluation.play_episodes(levels, indices, make_act, seed=seed, **env_options)
+    with successive(agent):
+        played = evaluation.play_episodes(levels, indices, as_policy(agent, rng), seed=seed, **env_options)
     columns = {**played.columns(), **{f"{RESULTS}{name}": values for name, values in played.results.items()}}
     plain = [values.tolist() for values in columns.values()]
     return [dict(zip(columns, row, strict=True)) for row in zip(*plain, strict=True)]
-
-
-def actions_of(policy: Agent, env: VectorEnv, rng: torch.Generator | None) -> Act:
-    """What :func:`segar.envs.play` asks for actions: the policy's where episodes go on, and zeros elsewhere."""
-    has_begin = hasattr(policy, "begin")
-
-    def act(now: TimeStep) -> np.ndarray:
-        if has_begin and now.time == 0:
-            policy.begin(env)  # type: ignore[attr-defined]
-        if has_begin or now.running.all() or not isinstance(now.observation, np.ndarray):
-            return policy.act(now.observation, rng=rng)
-        chosen = policy.act(now.observation[now.running], rng=rng)
-        actions = np.zeros((len(now.running), *chosen.shape[1:]), chosen.dtype)
-        actions[now.running] = chosen
-        return actions
-
-    return act
 
 
 def mean_figures(rows: Sequence[Mapping[str, Any]], levels: str, mode: str) -> dict[str, float]:

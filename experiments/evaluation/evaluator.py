@@ -13,13 +13,12 @@ import numpy as np
 import torch
 
 from experiments.algorithms.checkpoint import load_newest_policy
-from experiments.algorithms.learner import Policy
+from experiments.algorithms.learner import PolicyNetwork
 from experiments.algorithms.portable import PortableAgent, network_of
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
-from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.causes import CAUSES, play_twins, suite_played, write_causes
-from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_in_modes, trial_figures
+from experiments.evaluation.episodes import Agent, action_rng, as_policy, play_in_modes, trial_figures
 from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import (
     Prepared,
@@ -59,7 +58,7 @@ from experiments.settings import (
 from segar.cli import table
 from segar.envs import VectorEnv, play
 from segar.errors import RuleError
-from segar.evaluation import QUANTITIES, Baselines, find_baselines
+from segar.evaluation import QUANTITIES, Baselines, Idle, find_baselines
 from segar.levels import Levels, hash_of_levels
 from segar.policies import NETWORK_FILE, Network
 from segar.rendering import View, write_video
@@ -104,7 +103,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
     levels = find_levels(config, folder, trained)
     with_twins = suite_played(config, trained) if config.twins else None
     code = {**played_code(Prepared(played(config, trained))), "levels": hash_of_levels(levels)}
-    policy: Agent
+    policy: Any  # of the run, or of its network as portable data
     policy, frames = load_agent(folder, trained, levels, say, found)
     options, network = options_of(folder, trained, config.levels, config.split), None
     env = VectorEnv(levels, 1, seed=0, **options)
@@ -117,7 +116,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
         levels, options["task"], rng=np.random.default_rng(config.seed), seed=config.seed,
         samples=config.planner_samples, iterations=config.planner_iterations, num_threads=config.num_threads,
     ) if config.scores else None  # fmt: skip
-    idle = play_in_modes(IdleAgent(), config.levels, levels, options, config.seed, ("deterministic",), rounds=repeated)
+    idle = play_in_modes(Idle(), config.levels, levels, options, config.seed, ("deterministic",), rounds=repeated)
     players = {mode: figures([row for row in rows if row["action_mode"] == mode], baselines) for mode in config.modes}
     players["no-op"] = figures(idle, baselines)
     summary = {"run": str(folder), "frames": frames, "levels": origin(config, levels), "players": players}
@@ -188,7 +187,7 @@ def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Lev
 
 def load_agent(
     folder: Path, trained: RunConfig, levels: Levels, say: Callable[[str], None], recorded: RunConfig | None = None
-) -> tuple[Policy, int]:
+) -> tuple[PolicyNetwork, int]:
     """The run's policy for these levels, and the frames that it was trained for.
 
     Args:
@@ -213,7 +212,7 @@ def load_agent(
 
 
 def new_policy(trained: RunConfig, observation_shape: tuple[int, ...]) -> Any:
-    """The run's policy, a :class:`experiments.algorithms.learner.Policy` and ``nn.Module``, without its weights."""
+    """The run's policy, a :class:`experiments.algorithms.learner.PolicyNetwork` and ``nn.Module``, without its weights."""
     learner = import_object(trained.algorithm.learner, "algorithm")
     return learner.make_policy(
         trained.algorithm, observation_shape, len(environment_options(trained)["task"].action_low)
@@ -371,7 +370,7 @@ def record_video(
 
     def frames() -> Iterator[np.ndarray]:
         start = env.reset(seed=seed, options={"levels": np.array([level])})
-        for now in play(env, actions_of(policy, env, rng), start, trials):
+        for now in play(env, as_policy(policy, rng), start, trials):
             images = env.render()
             assert images is not None  # the render mode is rgb_array
             if trials == 1 or now.running.all():  # after the last trial the next level is there

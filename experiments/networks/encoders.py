@@ -230,8 +230,7 @@ def successive(network: object) -> Iterator[None]:
     The batches that it reads without gradients must show successive steps of the same environments, and its weights must
     not change. Rows that do not follow from the last batch are read as a whole.
     """
-    parts = network.modules() if isinstance(network, nn.Module) else ()
-    encoders = [part for part in parts if isinstance(part, StackEncoder)]
+    encoders = _stack_encoders(network)
     try:
         for encoder in encoders:
             encoder.follows = True
@@ -239,6 +238,17 @@ def successive(network: object) -> Iterator[None]:
     finally:
         for encoder in encoders:
             encoder.follows, encoder.before = False, None
+
+
+def forget_frames(network: object) -> None:
+    """Let the :class:`StackEncoder` of ``network`` read the next batch as a whole, inside a block of :func:`successive`."""
+    for encoder in _stack_encoders(network):
+        encoder.before = None
+
+
+def _stack_encoders(network: object) -> list[StackEncoder]:
+    parts = network.modules() if isinstance(network, nn.Module) else ()
+    return [part for part in parts if isinstance(part, StackEncoder)]
 
 
 def small(height: int, width: int, depth: int) -> nn.Sequential:

@@ -2,7 +2,13 @@ from .checks import actions_of as actions_of, known_options as known_options, re
 from .gym_env import Env
 from .gymnasium_ids import REWARDS as REWARDS, register_all as register_all
 from .level_pool import LevelPool as LevelPool
-from .playing import Act as Act, StepSource as StepSource, TimeStep as TimeStep, play as play
+from .playing import (
+    Policy as Policy,
+    StepSource as StepSource,
+    TimeStep as TimeStep,
+    begin_policy as begin_policy,
+    play as play,
+)
 from .sb3_env import SB3VecEnv
 from .snapshots import Snapshot
 from .target_calls import build_environment, environment_calls as environment_calls

@@ -282,6 +282,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """
         return self.simulator.source.draws or draws_per_episode(self.observation)
 
+    @property
+    def factors(self) -> Factors:
+        """The true factors of all entities in the present states, which later steps leave alone."""
+        return Factors(self.levels.layout, self.state().state.values)
+
     def in_action_space(self, actions: np.ndarray) -> np.ndarray:
         """Actions of the task's range ``[..., action size]`` as the action space has them (``unit_actions``), float32."""
         actions = np.asarray(actions, np.float32)

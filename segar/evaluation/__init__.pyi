@@ -1,17 +1,11 @@
-from .baselines import (
-    Baselines as Baselines,
-    find_baselines as find_baselines,
-    idle_actions as idle_actions,
-    idle_player as idle_player,
-    random_player as random_player,
-)
-from .episodes import QUANTITIES as QUANTITIES, PlayedEpisodes as PlayedEpisodes, play_episodes as play_episodes
+from .baselines import Baselines as Baselines, find_baselines as find_baselines
+from .episodes import QUANTITIES as QUANTITIES, PlayedEpisodes as PlayedEpisodes, play_episodes
+from .players import Idle, Random as Random, Scripted
 from .policy_evaluation import (
     TRIAL_QUANTITIES as TRIAL_QUANTITIES,
     Evaluation as Evaluation,
     Interval as Interval,
     LevelSetResult as LevelSetResult,
-    Policy as Policy,
     adaptation_gain,
     evaluate_levels as evaluate_levels,
     evaluate_policy,
@@ -21,4 +15,12 @@ from .policy_evaluation import (
 )
 from .recorded_actions import RecordedActions, record_actions
 
-__all__ = ["RecordedActions", "adaptation_gain", "evaluate_policy", "record_actions"]
+__all__ = [
+    "Idle",
+    "RecordedActions",
+    "Scripted",
+    "adaptation_gain",
+    "evaluate_policy",
+    "play_episodes",
+    "record_actions",
+]

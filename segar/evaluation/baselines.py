@@ -6,15 +6,14 @@ agent never scores above 0, and a random one only by chance. A score above 1 is 
 plan is the best one that is known, not an optimum. The regret is what an agent's mean return lacks of the planner's.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from segar.envs import Act, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation.episodes import play_episodes
+from segar.evaluation.players import Idle
 from segar.hardness import Plan, make_starts, plan, random_episodes
 from segar.language import Task
 from segar.levels import Levels
@@ -83,34 +82,6 @@ def find_baselines(
     if plays < 1:
         raise SegarError(f"baselines need at least 1 random play per level, not {plays}")
     _, returns = random_episodes(make_starts(levels, task, seed, num_threads), plays, rng)
-    idle = play_episodes(levels, np.arange(len(levels)), idle_player, seed=seed, task=task, num_threads=num_threads)
+    idle = play_episodes(levels, np.arange(len(levels)), Idle(), seed=seed, task=task, num_threads=num_threads)
     best = plan(levels, task, rng=rng, samples=samples, iterations=iterations, seed=seed, num_threads=num_threads)
     return Baselines(returns.mean(axis=1), idle.returns, best.returns, best)
-
-
-def idle_actions(env: VectorEnv) -> np.ndarray:
-    """The actions of an agent that does nothing, float32 ``(num_envs, action size)``: 0, or what the task allows nearest to
-    it, as the action space of ``env`` has it."""
-    task, n = env.task, env.num_envs
-    nothing = np.clip(np.zeros((n, len(task.action_low)), np.float32), task.action_low, task.action_high)
-    return env.in_action_space(nothing)
-
-
-def idle_player(env: VectorEnv) -> Act:
-    """What :func:`segar.envs.play` asks for actions, of an agent that does nothing."""
-    nothing = idle_actions(env)
-    return lambda now: nothing
-
-
-def random_player(*seeds: int) -> Callable[[VectorEnv], Act]:
-    """What gives, for each batch of environments, what :func:`segar.envs.play` asks for actions, of an agent that acts
-    uniformly at random in the range of the task; ``seeds`` and the number of the batch decide its draws."""
-    batch = 0
-
-    def make_act(env: VectorEnv) -> Act:
-        nonlocal batch
-        rng, batch = np.random.default_rng([*seeds, batch]), batch + 1
-        low, high = (np.asarray(bound, np.float32) for bound in (env.task.action_low, env.task.action_high))
-        return lambda now: low + (high - low) * rng.random((env.num_envs, len(low)), np.float32)
-
-    return make_act

@@ -1,12 +1,12 @@
 """The loop behind every evaluation: one episode, or several trials, on each of some levels, and what came of them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from segar.envs import Act, StepSource, TimeStep, VectorEnv, play
+from segar.envs import Policy, TimeStep, VectorEnv, play
 from segar.levels import Levels
 
 BATCH = 512  # episodes that are played at once
@@ -52,14 +52,12 @@ class PlayedEpisodes:
         return {"level": self.level, **dict(zip(QUANTITIES, quantities, strict=True)), **trial}
 
 
-def play_episodes(
-    levels: Levels, indices: np.ndarray, make_act: Callable[[VectorEnv], Act], *, seed: int, **options: Any
-) -> PlayedEpisodes:
+def play_episodes(levels: Levels, indices: np.ndarray, policy: Policy, *, seed: int, **options: Any) -> PlayedEpisodes:
     """One episode on each level that ``indices`` (int ``(n,)``) names, in that order; with several trials, first all that are
     the first on their level, then all second ones, and so on.
 
     Args:
-        make_act: gives what :func:`segar.envs.play` asks for actions; called when the episodes of a batch have started.
+        policy: acts; it begins with each batch of episodes.
         seed: of the environments, for tasks whose physics is random.
         options: of :class:`segar.envs.VectorEnv`, such as ``trials``.
     """
@@ -68,20 +66,21 @@ def play_episodes(
         batch = indices[first : first + BATCH]
         env = VectorEnv(levels, len(batch), seed=seed + first, **options)
         start = env.reset(seed=seed + first, options={"levels": batch})
-        parts.append(_played(env, make_act(env), start, env.trials))
+        parts.append(_played(env, policy, start))
         env.close()
     return _joined(parts)
 
 
-def _played(env: StepSource, act: Act, start: tuple[Any, dict[str, Any]], trials: int) -> Columns:
+def _played(env: VectorEnv, policy: Policy, start: tuple[Any, dict[str, Any]]) -> Columns:
     """The episodes of one batch, ``[trial, row]``."""
+    trials = env.trials
     shape = (trials, env.num_envs)
     whole = {name: np.zeros(shape, np.int64) for name in ("level", "length")}
     whole |= {name: np.zeros(shape) for name in ("returns", "returns_ref")}
     whole |= {name: np.zeros(shape, np.bool_) for name in ("success", "death")}
     whole["trial"] = np.broadcast_to(np.arange(trials)[:, None], shape)
     results: dict[str, np.ndarray] = {}
-    for now in play(env, act, start, trials):
+    for now in play(env, policy, start, trials):
         if now.ended.any():
             _note(now, np.flatnonzero(now.ended), whole, results, trials)
     return whole, results

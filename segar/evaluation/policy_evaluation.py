@@ -1,14 +1,13 @@
 """The generalization gap of any policy: episodes on training levels and on test levels, and an interval over levels."""
 
-import inspect
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from segar.envs import Act, VectorEnv, actions_of, known_options
+from segar.envs import Policy, VectorEnv, actions_of, begin_policy, known_options
 from segar.errors import ActionError, SegarError, did_you_mean
 from segar.evaluation.baselines import Baselines, find_baselines
 from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
@@ -22,19 +21,6 @@ TRIAL_QUANTITIES = ("return", "success")  # quantities that are told trial by tr
 SHARES = ("success", "death")  # quantities that are shares of episodes
 OF_SETS = ("score", "regret")  # figures of level sets, which are not means of quantities of episodes
 NOT_CHOSEN = ("autoreset_mode", "copy", "render_mode")  # options of environments that evaluation decides
-
-
-class Policy(Protocol):
-    """What is evaluated: a function, or an object that can be called.
-
-    Actions beyond the range are clipped to it. A policy that remembers, or that reads more than observations, has a method
-    ``begin(env)``, too. It is called when the episodes of a batch have started in a :class:`segar.envs.VectorEnv`, before the
-    first actions are asked for. With several trials it is called when the first one starts, and not between trials.
-    """
-
-    def __call__(self, observations: Any, /) -> Any:
-        """Actions ``(n, action size)`` for the observations of all n environments of a batch, ``(n, ...)``."""
-        ...
 
 
 class Interval(NamedTuple):
@@ -217,7 +203,7 @@ def evaluate_policy(
     environments of a batch in each step, also those whose episode is over; the actions of these have no effect.
 
     Args:
-        policy: a function of observations that gives actions; see :class:`segar.evaluation.Policy`. Whether it samples
+        policy: a function of observations that gives actions; see :class:`segar.envs.Policy`. Whether it samples
             its actions is its own affair.
         episodes: on each level.
         seed: of the environments, for tasks whose physics is random, and of the agents behind the scores.
@@ -351,7 +337,7 @@ def _result(
 ) -> LevelSetResult:
     """What the policy achieves on one level set."""
     indices = np.tile(np.arange(len(levels)), episodes)
-    played = play_episodes(levels, indices, lambda env: _act_of(policy, env), seed=seed, **options)
+    played = play_episodes(levels, indices, CheckedPolicy(policy), seed=seed, **options)
     if not scores:
         return LevelSetResult(played, len(levels))
     env = VectorEnv(levels, 1, seed=seed, **options)
@@ -365,33 +351,18 @@ def _result(
     return LevelSetResult(played, len(levels), baselines)
 
 
-def _act_of(policy: Policy, env: VectorEnv) -> Act:
-    """What :func:`segar.envs.play` asks for actions."""
-    begin_policy(policy, env)
-    return lambda now: checked_actions(policy(now.observation), env)
+class CheckedPolicy:
+    """A policy of somebody else's, whose actions are checked; the message says what it gave, and what was wanted."""
 
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
 
-def begin_policy(policy: Policy, env: VectorEnv) -> None:
-    """Tell a policy that episodes have started in ``env``, if it has a method ``begin(env)``.
+    def begin(self, env: VectorEnv) -> None:
+        self.env = env
+        begin_policy(self.policy, env)
 
-    Raises:
-        SegarError: its ``begin`` takes something else.
-    """
-    begin = getattr(policy, "begin", None)
-    if begin is None:
-        return
-    try:
-        signature = inspect.signature(begin)
-    except (TypeError, ValueError):  # of what is not written in Python, nothing is known
-        signature = None
-    if signature is not None:
-        try:
-            signature.bind(env)
-        except TypeError as error:
-            raise SegarError(
-                f"the policy's begin{signature} must take one argument, the environments: begin(env); {error}"
-            ) from error
-    begin(env)
+    def __call__(self, observations: Any) -> Any:
+        return checked_actions(self.policy(observations), self.env)
 
 
 def checked_actions(given: Any, env: VectorEnv) -> Any:

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from segar.envs import VectorEnv
+from segar.envs import Policy, VectorEnv
 from segar.errors import ActionError, SegarError
-from segar.evaluation.baselines import idle_actions
-from segar.evaluation.policy_evaluation import Policy, begin_policy, checked_actions, evaluate_levels
+from segar.evaluation.players import Idle
+from segar.evaluation.policy_evaluation import CheckedPolicy, evaluate_levels
 from segar.levels import Levels
 
 
@@ -63,13 +63,13 @@ class RecordedActions:
             raise ActionError(
                 f"RecordedActions: actions are of one episode on each level and have the range of the task; leave {option} out"
             )
-        self._rows, self._nothing = self.actions[env.state().state.level], idle_actions(env)
-        self._time = 0
+        self._rows, self._idle, self._time = self.actions[env.state().state.level], Idle(), 0
+        self._idle.begin(env)
 
     def __call__(self, observations: Any) -> np.ndarray:
         """The actions of the next step, float32 ``(n, action size)``."""
         time, self._time = self._time, self._time + 1
-        return self._rows[:, time] if time < self._rows.shape[1] else self._nothing
+        return self._rows[:, time] if time < self._rows.shape[1] else self._idle(observations)
 
 
 def record_actions(policy: Policy, levels: Levels, *, seed: int = 0, **options: Any) -> np.ndarray:
@@ -93,17 +93,16 @@ class _Recorder:
     """A policy that remembers its actions: what another policy does, episode by episode."""
 
     def __init__(self, policy: Policy) -> None:
-        self._policy = policy
+        self._policy = CheckedPolicy(policy)
         self._batches: list[list[np.ndarray]] = []
 
     def begin(self, env: VectorEnv) -> None:
-        self._env = env
         self._batches.append([])
-        begin_policy(self._policy, env)
+        self._policy.begin(env)
 
     def __call__(self, observations: Any) -> np.ndarray:
-        actions = np.array(checked_actions(self._policy(observations), self._env))
-        self._batches[-1].append(self._env.in_task_range(actions))
+        actions = np.array(self._policy(observations))
+        self._batches[-1].append(self._policy.env.in_task_range(actions))
         return actions
 
     def rows(self) -> list[np.ndarray]:

@@ -9,18 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from segar.envs import VectorEnv, play
+from segar.envs import Policy, VectorEnv, play
 from segar.errors import SegarError
-from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play_forks, scripted
+from segar.hardness.rollouts import Episodes, ForkedEpisodes, OpenLoop, Starts, make_starts, play_forks, scripted
 from segar.language import Task
 from segar.levels import Levels, checks
-from segar.support import ArchiveFormat, Form
+from segar.support import ArchiveFormat, Form, end_of_part
 
 BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
 ELITES = 0.125  # share of the candidates that the next ones are drawn around
 FIRST_SPREAD = 0.5  # of the first candidates around the scripted player, as a share of half the action's range
 LEAST_SPREAD = 0.02  # of half the range; the candidates of the last iteration still differ
 SMOOTHNESS = 0.8  # correlation of the perturbations of successive actions
+FRESH = np.float32((1 - SMOOTHNESS**2) ** 0.5)  # the weight of what is drawn anew, which keeps the deviation
 PATIENCE = 3  # candidates are truncated at so many times the steps of the best success
 FORMAT = ArchiveFormat("segar-plan", 1, "a plan", "plan", SegarError)
 PLAN_ARRAYS = {
@@ -161,8 +162,8 @@ def replay(levels: Levels, certificate: Plan, task: Task | None = None) -> np.nd
     if env.task.name != certificate.task:
         raise SegarError(f"this plan is for the task {certificate.task}, not for {env.task.name}; give task=")
     start = env.reset(options={"levels": np.arange(n)})
-    same = np.zeros(n, np.bool_)
-    for now in play(env, lambda now: certificate.actions[:, now.time], start):
+    same, steps = np.zeros(n, np.bool_), iter(np.moveaxis(certificate.actions, 1, 0))
+    for now in play(env, lambda observations: next(steps), start):
         if now.ended.any():
             same |= now.ended & _agrees(certificate, now.info, env.state().state.values)
         if now.time == certificate.actions.shape[1]:
@@ -191,16 +192,18 @@ def _search(
     n, task, script = len(rows), starts.task, scripted(starts)
     shape = (task.max_steps, len(task.action_low))
     half_range = (np.array(task.action_high) - np.array(task.action_low)) / 2
-    best = play_forks(starts, rows, open_loop(np.zeros((n, *shape), np.float32)))
+    best = play_forks(starts, rows, OpenLoop(np.zeros((n, *shape), np.float32)))
     if script is not None:
         best = _better(best, play_forks(starts, rows, script), task)
     mean, spread = best.actions, np.full((n, *shape), FIRST_SPREAD * half_range, np.float32)
     elites, level = max(2, round(ELITES * samples)), np.repeat(np.arange(n), samples)
     for _ in range(iterations):
+        end_of_part()
         limits = np.minimum(np.where(best.solved, PATIENCE * best.steps, task.max_steps), task.max_steps)
-        player = _perturbed(mean, spread, level, rng)
+        smooth = _Perturbed(mean, spread, level, rng)
+        player: Policy = smooth
         if script is not None:
-            player = _relay(player, script, _hand_over(rng, best.steps, samples).ravel())
+            player = _Relay(smooth, script, _hand_over(rng, best.steps, samples).ravel())
         played = play_forks(starts, rows[level], player, limits[level])
         keys = -value(played, task).reshape(n, samples), ~played.solved.reshape(n, samples)
         order = np.lexsort(keys, axis=1)
@@ -231,20 +234,23 @@ def _take(episodes: Episodes, rows: np.ndarray) -> Episodes:
     return Episodes(**{name: array[rows] for name, array in vars(episodes).items()})
 
 
-def _perturbed(mean: np.ndarray, spread: np.ndarray, level: np.ndarray, rng: np.random.Generator) -> Player:
+class _Perturbed:
     """The player of smooth Gaussian perturbations of ``mean[level]``: autoregressive noise, ``spread`` its deviation."""
-    size = mean.shape[-1]
-    noise = rng.standard_normal((len(level), size), dtype=np.float32)
-    fresh = np.float32((1 - SMOOTHNESS**2) ** 0.5)
 
-    def player(step: int, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+    def __init__(self, mean: np.ndarray, spread: np.ndarray, level: np.ndarray, rng: np.random.Generator) -> None:
+        self.mean, self.spread, self.level, self.rng = mean, spread, level, rng
+        self.noise = rng.standard_normal((len(level), mean.shape[-1]), dtype=np.float32)
+
+    def begin(self, forks: ForkedEpisodes) -> None:
+        self.forks = forks
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        rows, step, noise = self.forks.episodes, self.forks.time, self.noise
         if step:
-            drawn = rng.standard_normal((len(rows), size), dtype=np.float32)
-            noise[rows] = np.float32(SMOOTHNESS) * noise[rows] + fresh * drawn
-        at = level[rows]
-        return mean[at, step] + spread[at, step] * noise[rows]
-
-    return player
+            drawn = self.rng.standard_normal((len(rows), noise.shape[1]), dtype=np.float32)
+            noise[rows] = np.float32(SMOOTHNESS) * noise[rows] + FRESH * drawn
+        at = self.level[rows]
+        return self.mean[at, step] + self.spread[at, step] * noise[rows]
 
 
 def _hand_over(rng: np.random.Generator, lengths: np.ndarray, samples: int) -> np.ndarray:
@@ -254,14 +260,18 @@ def _hand_over(rng: np.random.Generator, lengths: np.ndarray, samples: int) -> n
     return at
 
 
-def _relay(first: Player, script: Player, hands_over: np.ndarray) -> Player:
-    """The player that hands over from ``first`` to the script at step ``hands_over[row]``."""
+class _Relay:
+    """The player that hands over from ``first`` to the script at step ``hands_over[episode]``."""
 
-    def player(step: int, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
-        chosen = first(step, rows, values)
-        late = hands_over[rows] <= step
+    def __init__(self, first: _Perturbed, script: Policy, hands_over: np.ndarray) -> None:
+        self.first, self.script, self.hands_over = first, script, hands_over
+
+    def begin(self, forks: ForkedEpisodes) -> None:
+        self.first.begin(forks)
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        chosen, forks = self.first(values), self.first.forks
+        late = self.hands_over[forks.episodes] <= forks.time
         if late.any():
-            chosen[late] = script(step, rows[late], values[late])
+            chosen[late] = self.script(values[late])
         return chosen
-
-    return player

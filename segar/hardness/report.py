@@ -10,6 +10,7 @@ from segar.hardness.planner import BATCH, Plan, require_search, scripted_episode
 from segar.hardness.rollouts import Episodes, Starts, make_starts, play_forks, uniform_actions
 from segar.language import Task
 from segar.levels import Levels, checks
+from segar.support import end_of_part
 
 NORMAL_95 = 1.959963984540054  # two-sided 95 % point of the standard normal distribution
 
@@ -127,11 +128,12 @@ def random_episodes(starts: Starts, plays: int, rng: np.random.Generator) -> tup
     """Success (bool) and return (float64) of ``plays`` random episodes on each level, both ``(n, plays)``."""
     rows = np.repeat(np.arange(len(starts.levels)), plays)
 
-    def at_random(step: int, live: np.ndarray, values: np.ndarray) -> np.ndarray:
-        return uniform_actions(starts.task, len(live), 1, rng)[:, 0]
+    def at_random(values: np.ndarray) -> np.ndarray:
+        return uniform_actions(starts.task, len(values), 1, rng)[:, 0]
 
     solved, returns = np.zeros(len(rows), np.bool_), np.zeros(len(rows))
     for at in range(0, len(rows), BATCH):
+        end_of_part()
         block = slice(at, at + BATCH)
         keys = rng.integers(0, 2**64, len(rows[block]), np.uint64)
         played = play_forks(starts, rows[block], at_random, keys=keys)

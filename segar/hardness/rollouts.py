@@ -1,19 +1,14 @@
 """Whole episodes from copies of first states: where they start, who plays them, how they end."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from segar.engine import Simulator, State, StepResult
-from segar.envs import TimeStep, VectorEnv, play
+from segar.envs import Policy, VectorEnv, play
 from segar.errors import SegarError
 from segar.language import Factors, Task
 from segar.levels import Levels, checks
-
-Player = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
-"""``player(step, rows, values)`` gives float ``(len(rows), action size)``: what these rows of the batch do in the states
-``values``, ``(len(rows), entities, columns)``. It is asked for the rows whose episodes may still be running."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +74,15 @@ class ForkedEpisodes:
         rows: int ``(n,)``, the level of each episode; a level may occur any number of times.
         limits: int ``(n,)``, steps after which an episode is truncated.
         keys: uint64 ``(n,)`` of the randomness in rules; those that follow from the seed where it is None.
+
+    Attributes:
+        time: steps that were taken.
+        episodes: int64, which of the ``n`` episodes the rows of the batch are.
     """
 
     def __init__(self, starts: Starts, rows: np.ndarray, limits: np.ndarray, keys: np.ndarray | None = None) -> None:
         self.starts, self.num_envs, self.limits, self.time = starts, len(rows), limits, 0
+        self.episodes = np.arange(self.num_envs)
         self._keep(starts.state, rows)
         self.state.key = self.state.key if keys is None else keys
 
@@ -91,7 +91,16 @@ class ForkedEpisodes:
         return self.state.values, {}
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-        """Advance all rows; ``info`` holds ``success`` and ``death``. The next step overwrites what it returns."""
+        """Advance all rows; ``info`` holds ``success`` and ``death``. The next step overwrites what it returns.
+
+        Raises:
+            SegarError: an action is not finite.
+        """
+        actions = np.asarray(actions, np.float32)
+        if not np.isfinite(actions).all():
+            raise SegarError(
+                f"task {self.starts.task.name}: the player gave actions in step {self.time} that are not finite"
+            )
         outcome, self.time = self.outcome, self.time + 1
         self.starts.simulator.act(self.state, self.starts.levels, actions, outcome)
         info = {"success": outcome.success, "death": outcome.death}
@@ -99,7 +108,7 @@ class ForkedEpisodes:
 
     def shrink(self, kept: np.ndarray) -> np.ndarray:
         """Drop all rows but ``kept``, bool ``(n,)``; return the states of these."""
-        self.limits = self.limits[kept]
+        self.limits, self.episodes = self.limits[kept], self.episodes[kept]
         self._keep(self.state, kept)
         return self.state.values
 
@@ -112,13 +121,14 @@ class ForkedEpisodes:
 def play_forks(
     starts: Starts,
     rows: np.ndarray,
-    player: Player,
+    player: Policy,
     limits: np.ndarray | None = None,
     keys: np.ndarray | None = None,
 ) -> Episodes:
     """One episode by ``player`` from the start of each level in ``rows``; arguments as of :class:`ForkedEpisodes`.
 
     Args:
+        player: observes states, and begins with :class:`ForkedEpisodes`.
         limits: the task's time limit where it is None.
 
     Raises:
@@ -126,23 +136,16 @@ def play_forks(
     """
     n, task = len(rows), starts.task
     low, high = np.array(task.action_low, np.float32), np.array(task.action_high, np.float32)
-
-    def act(now: TimeStep) -> np.ndarray:
-        chosen = np.asarray(player(now.time, now.episodes, now.observation), np.float32)
-        if not np.isfinite(chosen).all():
-            raise SegarError(f"task {task.name}: the player gave actions in step {now.time} that are not finite")
-        return np.clip(chosen, low, high)
-
     forks = ForkedEpisodes(starts, rows, np.full(n, task.max_steps) if limits is None else limits, keys)
     values = forks.state.values.copy()
     solved, died = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     steps, returns, last = np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
     actions = np.zeros((n, task.max_steps, len(low)), np.float32)
-    for now in play(forks, act, forks.start()):
+    for now in play(forks, player, forks.start()):
         if now.time == 0:
             continue
         on, over = now.episodes[now.played], now.episodes[now.ended]
-        actions[on, now.time - 1] = now.action[now.played]
+        actions[on, now.time - 1] = np.clip(now.action[now.played], low, high)
         steps[on] = now.time
         returns[on] += now.reward[now.played]
         last[on] = now.reward[now.played]
@@ -166,24 +169,32 @@ def trace(starts: Starts, rows: np.ndarray, actions: np.ndarray) -> tuple[np.nda
     states = np.empty((n, length + 1, *forks.state.values.shape[1:]))
     states[:, 0] = forks.state.values
     ends = np.full(n, length + 1)
-    for now in play(forks, lambda now: actions[now.episodes, now.time], forks.start()):
+    for now in play(forks, OpenLoop(actions), forks.start()):
         states[now.episodes[now.played], now.time] = now.observation[now.played]
         states[now.episodes[now.ended], now.time + 1 :] = now.observation[now.ended, None]
         ends[now.episodes[now.played & now.terminated]] = now.time
     return states, ends
 
 
-def open_loop(actions: np.ndarray) -> Player:
-    """The player that plays ``actions[row, step]``; float ``(n, max steps, action size)``."""
-    return lambda step, rows, values: actions[rows, step]
+class OpenLoop:
+    """The player that plays ``actions[episode, step]`` of forked episodes; float ``(n, steps, action size)``."""
+
+    def __init__(self, actions: np.ndarray) -> None:
+        self.actions = actions
+
+    def begin(self, forks: ForkedEpisodes) -> None:
+        self.forks = forks
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        return self.actions[self.forks.episodes, self.forks.time]
 
 
-def scripted(starts: Starts) -> Player | None:
-    """The scripted player of the task, None where it has none."""
+def scripted(starts: Starts) -> Policy | None:
+    """The scripted player of the task, which observes states; None where it has none."""
     task, layout = starts.task, starts.levels.layout
     if task.demo_actions is None:
         return None
-    return lambda step, rows, values: task.scripted_actions(Factors(layout, values))
+    return lambda values: task.scripted_actions(Factors(layout, values))
 
 
 def uniform_actions(task: Task, n: int, steps: int, rng: np.random.Generator) -> np.ndarray:

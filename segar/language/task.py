@@ -123,7 +123,10 @@ class Task:
             SegarError: the task has no scripted player, or ``demo_actions`` returns an array of another shape.
         """
         if self.demo_actions is None:
-            raise SegarError(f"task {self.name} has no scripted player; give it demo_actions=")
+            raise SegarError(
+                f"task {self.name} has no scripted player. Give the task demo_actions=, a function of info['factors'] that"
+                " returns actions of shape (num_envs, action size); or let another policy play"
+            )
         batch = factors.batch if isinstance(factors, SingleFactors) else factors
         actions = np.asarray(self.demo_actions(batch), np.float32)
         expected = (batch.num_envs, len(self.action_low))

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from segar.envs import Policy
 from segar.errors import SuiteError, did_you_mean
-from segar.evaluation import Interval, Policy, evaluate_levels, mean_of_levels
+from segar.evaluation import Interval, evaluate_levels, mean_of_levels
 from segar.hardness import wilson_interval
 from segar.levels import Levels
 from segar.observations import trained_on

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SuiteError
-from segar.evaluation import idle_player, play_episodes
+from segar.evaluation import Idle, play_episodes
 from segar.hardness import Plan, make_starts, plan, random_episodes, replay
 from segar.language import Factor, Task
 from segar.levels import LevelDistribution, Levels, hash_of_levels, written
@@ -65,7 +65,7 @@ def admission(suite: Suite, plays: int = PLAYS) -> Admission:
     solved, _ = random_episodes(starts, plays, np.random.default_rng(SEARCH))
     certified = suite.plans.solved & replay(suite.test_levels, suite.plans, suite.task)
     every = np.arange(len(suite.test_levels))
-    idle = play_episodes(suite.test_levels, every, idle_player, seed=TEST_SEED, task=suite.task).success
+    idle = play_episodes(suite.test_levels, every, Idle(), seed=TEST_SEED, task=suite.task).success
     return Admission(float(certified.mean()), float(idle.mean()), float(solved.mean()))
 
 

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from segar.envs import Policy
 from segar.errors import SuiteError
 from segar.evaluation import (
     Baselines,
     Evaluation,
+    Idle,
     LevelSetResult,
-    Policy,
+    Random,
     evaluate_levels,
-    idle_player,
     play_episodes,
-    random_player,
     require_modes,
     require_options,
 )
@@ -131,10 +131,10 @@ def baselines_on(suite: Suite, side: str, levels: Levels, seed: int, num_threads
     """
     options = {"task": suite.task, "num_threads": num_threads}
     every, stream = np.arange(len(levels)), SIDES.index(side)
-    idle = play_episodes(levels, every, idle_player, seed=ENVIRONMENT_SEED, **options).returns
+    idle = play_episodes(levels, every, Idle(), seed=ENVIRONMENT_SEED, **options).returns
     random = [
         play_episodes(
-            levels, np.tile(every, RANDOM_PLAYS), random_player(one, stream), seed=ENVIRONMENT_SEED, **options
+            levels, np.tile(every, RANDOM_PLAYS), Random(one, stream), seed=ENVIRONMENT_SEED, **options
         ).returns.reshape(RANDOM_PLAYS, -1)
         for one in (RANDOM_SEEDS if side == "test" else (seed,))
     ]

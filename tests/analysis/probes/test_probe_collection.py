@@ -10,11 +10,11 @@ import segar
 from analysis.probes.collection import collect, collect_run, varying_columns
 from analysis.probes.factors import COLUMNS
 from analysis.probes.table import probe_run, represent
-from experiments.evaluation.baselines import RandomAgent, ScriptedAgent
 from experiments.evaluation.probing import ProbeConfig
 from experiments.settings import LevelsConfig
 from experiments.training.run import run
 from segar.errors import SegarError
+from segar.evaluation import Random, Scripted
 from tests.experiments.short_runs import short_run
 
 TRAINING_LEVELS, TEST_LEVELS = 2, 12
@@ -52,7 +52,7 @@ def test_types_and_missing_factors_have_columns():
     assert {"tile1.Friction", "tile1.Heat", "golfball.Mass"} <= set(found)
 
 
-@pytest.mark.parametrize("agent", [RandomAgent(), ScriptedAgent()])
+@pytest.mark.parametrize("agent", [Random(0), Scripted()])
 def test_a_good_agent_gives_as_many_frames_as_a_bad_one(agent, easy, columns):
     levels = easy.sample(5, seed=0, split="train")
     frames = collect(agent, levels, columns, {"observation": "state"}, frames=700, num_envs=16)
@@ -64,7 +64,7 @@ def test_a_good_agent_gives_as_many_frames_as_a_bad_one(agent, easy, columns):
 
 def test_factors_are_those_of_the_frame_and_late_ones_of_the_next(easy, columns):
     levels = easy.sample(5, seed=0, split="train")
-    frames = collect(RandomAgent(), levels, columns, {"observation": "state"}, frames=600, num_envs=8)
+    frames = collect(Random(0), levels, columns, {"observation": "state"}, frames=600, num_envs=8)
     assert frames.factors.astype(np.float32)[:, :2] == pytest.approx(frames.observation[:, :2])  # the ball's place
     for episode in np.unique(frames.episode):
         mine = np.flatnonzero(frames.episode == episode)
@@ -79,9 +79,7 @@ def test_factors_are_those_of_the_frame_and_late_ones_of_the_next(easy, columns)
 
 def test_after_the_last_step_the_late_factors_are_of_another_level(easy, columns):
     """What 2022 paired the last frame with: the first state of the next episode."""
-    frames = collect(
-        ScriptedAgent(), easy.sample(20, seed=0, split="train"), columns, {"observation": "state"}, num_envs=20
-    )
+    frames = collect(Scripted(), easy.sample(20, seed=0, split="train"), columns, {"observation": "state"}, num_envs=20)
     last = np.array([np.flatnonzero(frames.episode == e)[-1] for e in range(20)])
     goal = [k for k, column in enumerate(columns) if column.slot == "goal"]
     moved = (frames.late[last][:, goal] != frames.factors[last][:, goal]).any(axis=1)
@@ -91,9 +89,7 @@ def test_after_the_last_step_the_late_factors_are_of_another_level(easy, columns
 
 def test_collecting_repeats_itself(easy, columns):
     levels = easy.sample(3, seed=0, split="test")
-    a, b = (
-        collect(RandomAgent(3), levels, columns, {"observation": "state"}, frames=100, num_envs=4) for _ in range(2)
-    )
+    a, b = (collect(Random(3), levels, columns, {"observation": "state"}, frames=100, num_envs=4) for _ in range(2))
     assert np.array_equal(a.observation, b.observation) and np.array_equal(a.factors, b.factors)
 
 

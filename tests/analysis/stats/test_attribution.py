@@ -8,10 +8,9 @@ import pytest
 
 import segar
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
-from experiments.evaluation.baselines import IdleAgent
-from experiments.evaluation.episodes import play_episodes
 from segar import Charge, Position, Size
 from segar.errors import LevelError, SegarError
+from segar.evaluation import Idle, play_episodes
 from segar.hardness import make_situations
 from segar.language.parameters import FloorFriction, Gravity
 from segar.levels import REST, mixed_levels, shared_rule_sets
@@ -130,8 +129,7 @@ def test_the_gap_of_a_player_is_attributed(sets):
     train, test = (segar.family("empty-hard").sample(6, seed=1, split=split) for split in ("train", "test"))
 
     def returns(levels):
-        rows = play_episodes(IdleAgent(), levels, np.arange(len(levels)), {"observation": "state"}, rng=None, seed=0)
-        return np.array([row["return"] for row in rows])
+        return play_episodes(levels, np.arange(len(levels)), Idle(), seed=0).returns
 
     groups = {"position": [Position], "charge": [Charge]}
     names = [*groups, REST]

@@ -5,6 +5,7 @@ import pytest
 
 import segar
 from segar.envs import VectorEnv, play
+from segar.errors import SegarError
 
 LEVELS = segar.family("empty-easy").sample(3, seed=0)
 
@@ -30,8 +31,8 @@ class Shrinking(Countdown):
         return self.left
 
 
-def idle(now):
-    return np.zeros((len(now.episodes), 2), np.float32)
+def idle(observations):
+    return np.zeros((len(observations), 2), np.float32)
 
 
 def test_the_start_is_yielded_before_any_step():
@@ -59,11 +60,43 @@ def test_a_source_that_can_shrink_does_so_whenever_half_of_its_rows_are_over():
 def test_actions_are_chosen_only_for_steps_that_are_asked_for():
     calls = []
     source = Countdown(3)
-    steps = play(source, lambda now: calls.append(now.time) or idle(now), (source.left, {}))
+    steps = play(source, lambda seen: calls.append(len(seen)) or idle(seen), (source.left, {}))
     next(steps)
     assert calls == []
     next(steps)
-    assert calls == [0]
+    assert calls == [3]
+
+
+class Begun:
+    """Notes what it begins with and what it observes."""
+
+    def begin(self, env):
+        self.env, self.seen = env, []
+
+    def __call__(self, observations):
+        self.seen.append(len(observations))
+        return idle(observations) + 1
+
+
+def test_a_policy_begins_with_what_is_stepped_before_it_acts():
+    policy, source = Begun(), Shrinking(4)
+    list(play(source, policy, (source.left, {})))
+    assert policy.env is source and policy.seen == [4, 4, 2, 1]
+
+
+def test_a_policy_that_takes_something_else_at_the_beginning_is_refused():
+    policy, source = Begun(), Countdown(2)
+    policy.begin = lambda: None
+    with pytest.raises(SegarError, match="must take one argument"):
+        list(play(source, policy, (source.left, {})))
+
+
+def test_a_policy_can_be_asked_for_running_episodes_only():
+    policy, source = Begun(), Countdown(3)
+    policy.only_running = True
+    _, *steps = play(source, policy, (source.left, {}))
+    acted = [now.action[:, 0].tolist() for now in steps]
+    assert policy.seen == [3, 2, 1] and acted == [[1, 1, 1], [0, 1, 1], [0, 0, 1]]
 
 
 def test_it_plays_an_environment_as_a_loop_of_ones_own_does():
@@ -74,7 +107,7 @@ def test_it_plays_an_environment_as_a_loop_of_ones_own_does():
     env, _ = make()
     expected = [env.step(np.full((3, 2), 0.1, np.float32))[:2] for _ in range(5)]
     env, start = make()
-    found = list(play(env, lambda now: np.full((3, 2), 0.1, np.float32), start))
+    found = list(play(env, lambda seen: np.full((3, 2), 0.1, np.float32), start))
     assert [now.time for now in found] == [0, 1, 2, 3, 4, 5] and found[-1].ended.all()
     for (observation, reward), now in zip(expected, found[1:], strict=True):
         np.testing.assert_array_equal(now.observation, observation)

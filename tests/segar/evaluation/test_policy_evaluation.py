@@ -9,10 +9,10 @@ import pytest
 from scipy import stats
 
 import segar
-from experiments.evaluation.baselines import IdleAgent, ScriptedAgent
 from experiments.evaluation.episodes import distance_figures, evaluate_run, evaluation_figures, play_episodes
 from experiments.levels.builders import Prepared, environment_options
 from experiments.settings import EvaluationConfig, RunConfig, TaskConfig
+from segar import evaluation
 from segar.evaluation import QUANTITIES, PlayedEpisodes, find_baselines
 from segar.evaluation.policy_evaluation import Evaluation, LevelSetResult, _interval
 
@@ -78,22 +78,21 @@ def test_scores_are_those_of_the_baselines():
     reached = found.test.mean().value
     assert found.test.score() == found.figures()["test/score"] == baselines.normalised(reached)
     assert found.test.regret() == found.figures()["test/regret"] == baselines.regret(reached)
-    idle = play_episodes(IdleAgent(), TEST[:3], np.arange(3), {"max_steps": 20}, rng=None, seed=0)
-    assert baselines.idle.tolist() == [row["return"] for row in idle]
+    idle = evaluation.play_episodes(TEST[:3], np.arange(3), evaluation.Idle(), seed=0, max_steps=20)
+    assert baselines.idle.tolist() == idle.returns.tolist()
     assert "score" in str(found) and "regret" in str(found)
 
 
 def test_a_policy_with_begin_sees_the_environments_before_it_acts():
-    class Scripted:
+    class Pushing:
         def begin(self, env):
-            self.agent = ScriptedAgent()
-            self.agent.begin(env)
+            self.env, self.task = env, env.task
 
         def __call__(self, observations):
-            return self.agent.act(observations, rng=None)
+            return self.task.scripted_actions(self.env.factors)
 
-    found = segar.evaluate_policy(Scripted(), TRAIN, TEST)
-    rows = play_episodes(ScriptedAgent(), TRAIN, np.arange(len(TRAIN)), {}, rng=None, seed=0)
+    found = segar.evaluate_policy(Pushing(), TRAIN, TEST)
+    rows = play_episodes(evaluation.Scripted(), TRAIN, np.arange(len(TRAIN)), {}, rng=None, seed=0)
     assert found.train.episodes.returns.tolist() == [row["return"] for row in rows]
 
 

@@ -10,7 +10,7 @@ import segar
 from segar.errors import SegarError
 from segar.hardness import hardness, replay
 from segar.hardness.report import random_episodes, wilson_interval
-from segar.hardness.rollouts import make_starts, open_loop, play_forks, uniform_actions
+from segar.hardness.rollouts import OpenLoop, make_starts, play_forks, uniform_actions
 
 
 def test_wilson_s_interval_is_the_one_of_scipy():
@@ -54,7 +54,7 @@ def test_episodes_in_a_batch_go_as_in_an_environment():
     levels = segar.family("objectsx1-hard").sample(16, seed=0)
     starts = make_starts(levels, seed=3)
     actions = uniform_actions(starts.task, 16, 100, np.random.default_rng(0))
-    played = play_forks(starts, np.arange(16), open_loop(actions))
+    played = play_forks(starts, np.arange(16), OpenLoop(actions))
     env = segar.envs.VectorEnv(levels, 16, seed=3)
     env.reset(options={"levels": np.arange(16)})
     seen = np.zeros(16, bool)

@@ -66,5 +66,5 @@ def test_actions_of_another_shape_are_refused_with_the_one_that_is_wanted():
     _, info = VectorEnv(LEVELS, 3, task=task(unbatched), seed=0).reset()
     with pytest.raises(SegarError, match=r"task mine: demo_actions must return .* of shape \(3, 2\), not \(2,\)"):
         task(unbatched).scripted_actions(info["factors"])
-    with pytest.raises(SegarError, match="task mine has no scripted player; give it demo_actions="):
+    with pytest.raises(SegarError, match="task mine has no scripted player; Give the task demo_actions="):
         task(None).scripted_actions(info["factors"])

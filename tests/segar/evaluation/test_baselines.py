@@ -1,57 +1,55 @@
-"""Baselines: the agents between which scores are normalised play in evaluation, and their returns have the right order."""
+"""Baselines: the players between which scores are normalised, and the right order of their returns."""
 
 import dataclasses
 
 import numpy as np
 import pytest
-import torch
 
 import segar
-from experiments.evaluation.baselines import IdleAgent, Oracle, RandomAgent, ScriptedAgent
-from experiments.evaluation.episodes import play_episodes
 from segar.errors import SegarError
-from segar.evaluation import Baselines, find_baselines
+from segar.evaluation import Baselines, Idle, Random, RecordedActions, Scripted, find_baselines, play_episodes
 from segar.hardness import plan
 
 LEVELS = segar.family("empty-hard").sample(12, seed=0)
 TWICE = np.tile(np.arange(12), 2)
 
 
-def mean_return(agent, rng=None):
-    rows = play_episodes(agent, LEVELS, TWICE, {}, rng=rng, seed=0)
-    assert [row["level"] for row in rows] == TWICE.tolist()
-    return np.mean([row["return"] for row in rows]), np.mean([row["success"] for row in rows])
+def mean_return(policy):
+    found = play_episodes(LEVELS, TWICE, policy, seed=0)
+    assert found.level.tolist() == TWICE.tolist()
+    return found.returns.mean(), found.success.mean()
 
 
 def test_the_oracle_plays_its_plan_and_beats_the_script_which_beats_chance():
     found = plan(LEVELS, rng=np.random.default_rng(0), samples=32, iterations=3)
-    oracle, solved = mean_return(Oracle(found))
+    oracle, solved = mean_return(RecordedActions(found.actions))
     assert solved == 1.0
     assert oracle == pytest.approx(found.returns.mean(), rel=1e-6)
-    script, _ = mean_return(ScriptedAgent())
-    random, _ = mean_return(RandomAgent())
-    assert oracle >= script > random
+    assert oracle >= mean_return(Scripted())[0] > mean_return(Random(0))[0]
 
 
-def test_a_random_agent_acts_uniformly_and_repeats_itself_with_the_same_generator():
-    agent = RandomAgent(seed=3)
-    agent.begin(segar.envs.VectorEnv(LEVELS, 5000, seed=0))
-    actions = agent.act(None, rng=None)
-    assert actions.shape == (5000, 2)
-    assert actions.dtype == np.float32
-    for low, high in ((-1.0, -0.5), (-0.5, 0.0), (0.0, 0.5), (0.5, 1.0)):
-        assert np.mean((actions >= low) & (actions < high)) == pytest.approx(0.25, abs=0.02)
-    drawn = [agent.act(None, rng=torch.Generator().manual_seed(1)) for _ in range(2)]
-    np.testing.assert_array_equal(*drawn)
-    assert not np.array_equal(agent.act(None, rng=None), actions)
+@pytest.mark.parametrize("unit_actions", [False, True])
+def test_a_random_player_acts_uniformly_and_repeats_itself_with_the_same_seeds(unit_actions):
+    task = dataclasses.replace(segar.puttputt(), action_low=(-2.0, -2.0), action_high=(2.0, 2.0))
+    env = segar.envs.VectorEnv(LEVELS, 5000, seed=0, task=task, unit_actions=unit_actions)
+    one, other = Random(3), Random(3)
+    one.begin(env)
+    other.begin(env)
+    actions = one(None)
+    assert actions.shape == (5000, 2) and actions.dtype == np.float32
+    for share in np.histogram(actions, 4, (env.action_space.low.min(), env.action_space.high.max()))[0] / actions.size:
+        assert share == pytest.approx(0.25, abs=0.02)
+    np.testing.assert_array_equal(other(None), actions)
+    one.begin(env)
+    assert not np.array_equal(one(None), actions)
 
 
-def test_an_idle_agent_does_not_move():
-    agent = IdleAgent()
+def test_an_idle_player_does_not_move():
+    policy = Idle()
     env = segar.envs.VectorEnv(LEVELS, 4, seed=0)
-    agent.begin(env)
+    policy.begin(env)
     before, _ = env.reset()
-    after, *_ = env.step(agent.act(before, rng=None))
+    after, *_ = env.step(policy(before))
     np.testing.assert_array_equal(before, after)
 
 
@@ -64,14 +62,13 @@ def test_the_better_of_idle_and_random_play_scores_0_and_the_planner_1(baselines
     assert baselines.normalised(baselines.floor.mean()) == 0.0
     assert baselines.normalised(baselines.oracle.mean()) == 1.0
     assert baselines.regret(baselines.oracle.mean()) == 0.0
-    script, _ = mean_return(ScriptedAgent())
+    script, _ = mean_return(Scripted())
     assert 0.9 < baselines.normalised(script) <= 1.0
 
 
-def test_the_baselines_are_what_the_agents_reach_in_evaluation(baselines):
-    idle = play_episodes(IdleAgent(), LEVELS, np.arange(12), {}, rng=None, seed=0)
-    assert baselines.idle.tolist() == [row["return"] for row in idle]
-    by_evaluation, _ = mean_return(RandomAgent())
+def test_the_baselines_are_what_the_players_reach_in_evaluation(baselines):
+    assert baselines.idle.tolist() == play_episodes(LEVELS, np.arange(12), Idle(), seed=0).returns.tolist()
+    by_evaluation, _ = mean_return(Random(0))
     scale = baselines.oracle.mean() - baselines.random.mean()
     assert (by_evaluation - baselines.random.mean()) / scale == pytest.approx(0.0, abs=0.15)
 
@@ -101,21 +98,15 @@ def gusts(a: segar.Acceleration) -> segar.Aggregate[segar.Acceleration]:
     return segar.Aggregate[segar.Acceleration](a, (segar.random.normal(0.0, 5.0), segar.random.normal(0.0, 5.0)))
 
 
-def test_where_rules_have_chance_the_idle_agent_meets_the_draws_of_the_seed():
+def test_where_rules_have_chance_the_idle_player_meets_the_draws_of_the_seed():
     levels = segar.family("empty-hard").with_rules([*segar.DEFAULT_RULES, gusts]).sample(3, seed=0)
-    idle = [row["return"] for row in play_episodes(IdleAgent(), levels, np.arange(3), {}, rng=None, seed=7)]
+    idle = play_episodes(levels, np.arange(3), Idle(), seed=7).returns.tolist()
     search = {"plays": 1, "samples": 8, "iterations": 1}
     same, other = (find_baselines(levels, rng=np.random.default_rng(0), seed=seed, **search).idle for seed in (7, 8))
     assert same.tolist() == idle and not np.array_equal(same, other)
 
 
-def test_an_oracle_refuses_levels_that_its_plan_is_not_for():
-    found = plan(LEVELS[:3], rng=np.random.default_rng(0), samples=8, iterations=1)
-    with pytest.raises(SegarError, match="this plan is for 3 levels of the task puttputt-squared, not for 12"):
-        play_episodes(Oracle(found), LEVELS, np.arange(12), {}, rng=None, seed=0)
-
-
 def test_a_script_refuses_a_task_that_has_none():
-    env = segar.envs.VectorEnv(LEVELS, 2, task=dataclasses.replace(segar.puttputt(), demo_actions=None), seed=0)
-    with pytest.raises(SegarError, match="the task puttputt-squared has no scripted player; use the oracle"):
-        ScriptedAgent().begin(env)
+    task = dataclasses.replace(segar.puttputt(), demo_actions=None)
+    with pytest.raises(SegarError, match="task puttputt-squared has no scripted player"):
+        play_episodes(LEVELS, np.arange(2), Scripted(), seed=0, task=task)
