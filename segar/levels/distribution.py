@@ -31,6 +31,7 @@ from segar.noise import Noise
 from segar.rules import RuleSpace, World
 from segar.support import Estimate, __version__, is_whole
 
+MOST_OF_A_KIND = 1000  # entities of an entry of ``numbers``: more are a slip, which would take memory and time
 MOST_LEVELS = 2**62  # indices of a split end before it
 MOST_TRIES, FEWEST_TRIES = 10, 1000  # levels per level that is asked for, and in all, before sampling apart gives up
 CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance", "task")
@@ -404,14 +405,16 @@ def _check_number(entry: Any) -> tuple[Any, Any]:
     name = getattr(who, "__name__", repr(who))
     if isinstance(many, Noise):
         values, masses = many.atoms if many.width == 1 else (np.zeros(0), np.zeros(0))
-        if abs(masses.sum() - 1) > 1e-9 or (values < 0).any() or (values != np.rint(values)).any():
+        is_right = (values == np.rint(values)) & (values >= 0) & (values <= MOST_OF_A_KIND)
+        if abs(masses.sum() - 1) > 1e-9 or not is_right.all():
             raise LevelError(
-                f"numbers: how many {name} must be a distribution of whole numbers from 0 up, not {many!r}"
+                f"numbers: how many {name} must be a distribution of whole numbers from 0 to {MOST_OF_A_KIND:,}, not {many!r}"
             )
         return who, many
-    if not is_whole(many) or many < 0:
+    if not is_whole(many) or not 0 <= many <= MOST_OF_A_KIND:
         raise LevelError(
-            f"numbers: how many {name} must be a whole number from 0 up or a distribution of such, not {many!r}"
+            f"numbers: how many {name} must be a whole number from 0 to {MOST_OF_A_KIND:,} or a distribution of such, not"
+            f" {many!r}"
         )
     return who, int(many)
 
