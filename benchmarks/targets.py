@@ -66,8 +66,8 @@ def targets(repeats: int) -> Iterator[Row]:
 
 def native_steps(env: segar.envs.VectorEnv) -> None:
     """So many sub-steps from the starts."""
-    env._now.state.values[:] = env.levels.values
-    env.simulator.step(env._now.state, env.levels, SUB_STEPS)
+    env._episodes.now.state.values[:] = env.levels.values
+    env.simulator.step(env._episodes.now.state, env.levels, SUB_STEPS)
 
 
 def wasm_steps(twin: Twin) -> None:

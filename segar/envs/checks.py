@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import ActionError, SegarError, did_you_mean
+from segar.errors import ActionError, LevelError, SegarError, did_you_mean
 from segar.support import is_whole
 
 MOST_THREADS = 1024
@@ -33,6 +33,25 @@ def instance(name: str, value: Any, kind: type | tuple[type, ...], right: str) -
     """Raise :class:`SegarError` unless the value is of the kind; ``right`` says how to make one."""
     if not isinstance(value, kind):
         raise SegarError(f"{name} must be {right}, not {shown(value)}")
+
+
+def array_of(what: str, given: Any, dtype: Any, num_envs: int) -> np.ndarray | None:
+    """What a caller gave for each environment, bool or int64 ``(num_envs,)``; None where it gave nothing.
+
+    Raises:
+        LevelError: it is something else.
+    """
+    if given is None:
+        return None
+    right = f"{what} must be {np.dtype(dtype)} of shape ({num_envs},), not"
+    try:
+        array = np.asarray(given.cpu() if hasattr(given, "cpu") else given)  # tensors may lie on a GPU
+    except (ValueError, TypeError) as error:  # a ragged list
+        raise LevelError(f"{right} {shown(given)}") from error
+    kinds = "iu" if dtype is np.int64 else "b"
+    if array.shape != (num_envs,) or array.dtype.kind not in kinds or isinstance(given, np.ma.MaskedArray):
+        raise LevelError(f"{right} {array.dtype} of shape {array.shape}: {shown(given)}")
+    return array.astype(dtype)
 
 
 def known_options(kind: type) -> set[str]:

@@ -6,21 +6,24 @@ of the processor, compiled for the GPU, so that episodes are the same to the bit
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import torch
 from gymnasium import spaces
 
-from segar.engine import BY_NUMBER, Call, Simulator, State, StepResult, build_kernel, for_threads, step_entry
+from segar.engine import BY_NUMBER, Call, State, StepResult, build_kernel, for_threads, step_entry
 from segar.engine.cuda.driver import Device, Driver, Kernel
 from segar.envs.episode_calls import check_call, count_call, observation_calls, start_call
 from segar.envs.episode_kernel import ACTION_NOT_FINITE
+from segar.envs.host_episodes import HostEpisodes
+from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import EPISODE_ARRAYS, STATE_ARRAYS, Snapshot
 from segar.envs.trials import trial_info
 from segar.errors import ActionError, ConflictError, LevelError, RuleError, SegarError
+from segar.language import Factor
 from segar.levels import Levels
-from segar.observations import BoundObservation, map_leaves
+from segar.observations import map_leaves
 
 STEPS_BETWEEN_CHECKS = 64  # a check waits for the GPU
 COUNTS = {"level": "level", "length": "lengths", "contacts": "contacts", "unresolved_contacts": "unresolved_contacts"}
@@ -66,36 +69,32 @@ def open_gpu(device: Any) -> GPU:
 
 
 class DeviceEpisodes:
-    """The episodes of a batch of environments on a GPU.
+    """The episodes of a batch of environments on a GPU; the face is that of :class:`HostEpisodes`.
 
     Args:
-        observation: what is observed; made by compiled functions alone.
-        now: the states on the processor, which :meth:`pull` brings up to date and :meth:`push` takes over.
-        copy: whether tensors that a step returns are the caller's to keep.
-        trials: episodes in a row on each level.
+        host: the same episodes on the processor, whose arrays :meth:`pull` brings up to date and :meth:`push` takes over. Its
+            observation is made by compiled functions alone.
 
     Raises:
-        SegarError: the observation has no compiled form for a GPU; a rule calls what a GPU does not have; the GPU lacks
-            memory.
+        SegarError: the observation, or drawing for people, needs the processor; or the GPU has too little memory.
     """
 
-    def __init__(
-        self,
-        gpu: GPU,
-        simulator: Simulator,
-        levels: Levels,
-        observation: BoundObservation,
-        now: Snapshot,
-        copy: bool,
-        trials: int,
-    ) -> None:
-        advice = "choose one of these, or device='cpu'"
-        seen = observation_calls(observation, "a GPU", advice, in_rows=True)
-        self.device = gpu.tensors
-        self._gpu, self._simulator, self._levels, self._now, self._copy = gpu, simulator, levels, now, copy
-        self._space, self._num_envs, self._trials = observation.space, len(now), trials
+    runs_on_gpu = True
+    camera = None
+
+    def __init__(self, gpu: GPU, host: HostEpisodes) -> None:
+        if host.camera is not None:
+            raise SegarError(
+                f"render_mode='{host.camera.mode}' draws on the processor: use device='cpu', or restore env.state() in an"
+                " environment there"
+            )
+        self.device, self.host, self.pool, self.observation = gpu.tensors, host, host.pool, host.observation
+        simulator, levels = host.simulator, host.pool.levels
+        seen = observation_calls(host.observation, "a GPU", "choose one of these, or device='cpu'", in_rows=True)
+        self._gpu, self._simulator, self._levels = gpu, simulator, levels
+        self._space, self._num_envs = host.observation.space, host.num_envs
         self._step = step_entry(simulator.world, levels.layout, simulator.task, BY_NUMBER)
-        self._start = tuple(map(self._threads, (start_call(levels, trials), *seen.start)))
+        self._start = tuple(map(self._threads, (start_call(levels, host.trials), *seen.start)))
         self._advance = tuple(map(self._threads, seen.advance))
         self._write = tuple(map(self._threads, seen.write))
         self._count = self._threads(count_call())
@@ -104,11 +103,13 @@ class DeviceEpisodes:
         code = build_kernel((self._step, *dict.fromkeys(call.entry for call in calls)), "ptx").code.decode()
         self._kernels: dict[str, Kernel] = gpu.device.kernels(code)
         self._steps = 0  # since the last check
-        self._range: tuple[torch.Tensor, torch.Tensor] | None = None
+        self._center, self._half_range = self._tensor(host.actions.center), self._tensor(host.actions.half_range)
         try:
             self._allocate(calls)
         except torch.OutOfMemoryError as cause:
-            raise SegarError(f"{gpu.tensors} has too little memory for {len(now)} environments; take fewer") from cause
+            raise SegarError(
+                f"{gpu.tensors} has too little memory for {self._num_envs} environments; take fewer"
+            ) from cause
 
     def _threads(self, call: Call) -> Call:
         """The call with a thread per thing, which is an environment or a row of its frame."""
@@ -145,8 +146,8 @@ class DeviceEpisodes:
 
     def _arrays(self) -> dict[str, np.ndarray]:
         """The arrays of episodes on the processor."""
-        arrays = {name: getattr(self._now.state, name) for name in STATE_ARRAYS}
-        return arrays | {name: getattr(self._now, name) for name in EPISODE_ARRAYS}
+        arrays = {name: getattr(self.host.now.state, name) for name in STATE_ARRAYS}
+        return arrays | {name: getattr(self.host.now, name) for name in EPISODE_ARRAYS}
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         """A copy on the GPU."""
@@ -156,32 +157,29 @@ class DeviceEpisodes:
         make = torch.zeros if zero else torch.empty
         return make((self._num_envs, *shape), dtype=dtype, device=self.device)
 
-    def reset(
-        self, seed: int | None, where: torch.Tensor | None, chosen: np.ndarray | None
-    ) -> tuple[Any, dict[str, Any]]:
-        """Start episodes where ``where`` (bool ``(num_envs,)``, all if None) is true; return observations and info.
+    @property
+    def now(self) -> Snapshot:
+        """The states and the counts of episodes, on the processor."""
+        self.pull()
+        return self.host.now
 
-        Args:
-            seed: starts the sequence of episodes anew; where it is None the sequence goes on.
-            chosen: int64 ``(num_envs,)``, levels; drawn uniformly where it is None.
-        """
+    def reset(self, seed: int | None, mask: Any, chosen: np.ndarray | None) -> tuple[Any, dict[str, Any]]:
+        """Start episodes where ``mask`` is true; arguments as of :meth:`HostEpisodes.reset`."""
         if seed is not None:
+            self.host.now.seed = seed
             self._tensors["episodes"].zero_()
         levels = None if chosen is None else self._tensor(chosen)
-        self._start_episodes(self._everywhere if where is None else where, levels)
+        self._start_episodes(mask, levels)
         never = self._new((), torch.bool, zero=True)
         return self.observe(), self._info(never, never.clone())
 
-    def step(self, actions: torch.Tensor, same_step: bool, max_steps: int, sub_steps: int) -> tuple[Any, ...]:
-        """Observations, reward, terminated, truncated and info after a step by actions, float32 ``(num_envs, action size)``.
-
-        Args:
-            same_step: whether episodes that end are followed by new ones in this step.
-        """
+    def step(self, actions: Any) -> tuple[Any, ...]:
+        """Observations, reward, terminated, truncated and info after a step; see :meth:`segar.envs.VectorEnv.step`."""
         seen, outcome = self._outputs()
-        given: dict[str, Any] = {"actions": actions, "sub_steps": sub_steps, "with_task": True, "max_steps": max_steps}
+        task = self._simulator.task
+        given: dict[str, Any] = {"actions": self._actions_of(actions), "with_task": True}
+        given |= {"sub_steps": task.sub_steps, "max_steps": task.max_steps, "meant": self._everywhere, **outcome}
         given |= {f"result_{field.name}": outcome[field.name] for field in fields(StepResult)}
-        given |= outcome | {"meant": self._everywhere}
         self._launch(self._check, given)
         self._launch(Call(self._step, {}), given)
         self._launch_all(self._advance, given)
@@ -190,7 +188,7 @@ class DeviceEpisodes:
         reward, terminated, truncated = outcome["reward"], outcome["terminated"], outcome["truncated"]
         success, death, ended = outcome["success"], outcome["death"], outcome["ended"]
         final: dict[str, Any] = {}
-        if same_step:
+        if self.host.same_step:
             final = {"final_obs": map_leaves(lambda part: _where(ended, part), seen), "_final_obs": ended}
             last = self._info(success & ended, death & ended)
             final |= {
@@ -212,8 +210,8 @@ class DeviceEpisodes:
         self._launch_all(self._write, {"meant": self._everywhere}, seen)
         return seen
 
-    def actions_of(self, actions: Any) -> torch.Tensor:
-        """The actions as a tensor on the GPU, float32 ``(num_envs, action size)``; whether they are finite is seen there."""
+    def _actions_of(self, actions: Any) -> torch.Tensor:
+        """The actions as a tensor on the GPU, in the task's range; whether they are finite is seen there."""
         shape = (self._num_envs, len(self._simulator.task.action_low))
         try:
             tensor = torch.as_tensor(actions, device=self.device)
@@ -223,10 +221,15 @@ class DeviceEpisodes:
             raise ActionError(
                 f"actions must be real numbers of shape {shape}, not {tensor.dtype} of shape {tuple(tensor.shape)}"
             )
-        return tensor.detach().to(torch.float32).contiguous()
+        tensor = tensor.detach().to(torch.float32).contiguous()
+        if not self.host.actions.is_mapped:
+            return tensor
+        return self._center + self._half_range * tensor.clip(-1, 1)  # rounded as on the processor
 
     def mask_of(self, mask: Any) -> torch.Tensor:
-        """A mask of environments as a tensor on the GPU."""
+        """Which environments a mask names, as a tensor on the GPU; all where it is None."""
+        if mask is None:
+            return self._everywhere
         tensor = torch.as_tensor(mask, device=self.device)
         if tensor.dtype != torch.bool or tuple(tensor.shape) != (self._num_envs,):
             raise LevelError(
@@ -234,12 +237,6 @@ class DeviceEpisodes:
                 f" {tuple(tensor.shape)}"
             )
         return tensor.contiguous()
-
-    def scaled(self, actions: torch.Tensor, center: np.ndarray, half_range: np.ndarray) -> torch.Tensor:
-        """Actions from [-1, 1] in the task's range, rounded as on the processor."""
-        if self._range is None:
-            self._range = self._tensor(center), self._tensor(half_range)
-        return self._range[0] + self._range[1] * actions.clip(-1, 1)
 
     def check(self) -> None:
         """Wait for the GPU, and say what was wrong in one of the steps since the last check.
@@ -272,23 +269,61 @@ class DeviceEpisodes:
             if changes:
                 array[...] = tensor.cpu().numpy()
 
-    def push(self, now: Snapshot) -> None:
+    def push(self) -> None:
         """Take over episodes, and what observations remember, from the arrays on the processor."""
-        self._now = now
         for name, array in self._arrays().items():
             self._tensors[name].copy_(torch.from_numpy(np.array(array)))
         for array, tensor, changes in self._fixed.values():
             if changes:
                 tensor.copy_(torch.from_numpy(np.array(array)))
 
+    def state(self) -> Snapshot:
+        """See :meth:`segar.envs.VectorEnv.state`."""
+        self.pull()
+        return self.host.state()
+
+    def restore(self, snapshot: Snapshot, pool: LevelPool | None = None) -> Any:
+        """See :meth:`segar.envs.VectorEnv.restore`; episodes on a GPU keep their levels."""
+        if pool is not None:
+            self._keeps_levels("restore with a pool")
+        self.host.restore(snapshot)
+        self.push()
+        return self.observe()
+
+    def resume(self, snapshot: Snapshot, pool: LevelPool | None) -> None:
+        """See :meth:`HostEpisodes.resume`."""
+        self.host.resume(snapshot, pool)
+        self.push()
+
+    def changed_pool(self) -> None:
+        """None, because episodes on a GPU keep their levels."""
+
+    def intervene(self, entity: str, factor: type[Factor], value: Any, mask: np.ndarray) -> Any:
+        """See :meth:`segar.envs.VectorEnv.intervene`."""
+        self.pull()
+        self.host.intervene(entity, factor, value, mask)
+        self.push()
+        return self.observe()
+
+    def replace_levels(self, indices: Any, levels: Levels, playing: bool) -> None:
+        """Raise :class:`SegarError`."""
+        self._keeps_levels("replace_levels")
+
+    def set_level_weights(self, weights: Any) -> None:
+        """Raise :class:`SegarError`."""
+        self._keeps_levels("set_level_weights")
+
+    def _keeps_levels(self, method: str) -> NoReturn:
+        raise SegarError(f"{method}: episodes on a GPU keep their levels; use device='cpu', or make other environments")
+
     def _start_episodes(self, where: torch.Tensor, chosen: torch.Tensor | None) -> None:
-        given = {"meant": where, "seed": self._now.seed, "chosen": self._anywhere if chosen is None else chosen}
+        given = {"meant": where, "seed": self.host.now.seed, "chosen": self._anywhere if chosen is None else chosen}
         self._launch_all(self._start, given)
 
     def _info(self, success: torch.Tensor, death: torch.Tensor) -> dict[str, torch.Tensor]:
         """The info about all running episodes."""
         counts = {name: self._tensors[array].clone() for name, array in COUNTS.items()}
-        trials = trial_info(self._trials, self._tensors["episodes"], self._tensors["lengths"])
+        trials = trial_info(self.host.trials, self._tensors["episodes"], self._tensors["lengths"])
         return {**counts, "return": self._tensors["returns"].clone(), "success": success, "death": death, **trials}
 
     def _outputs(self) -> tuple[Any, dict[str, torch.Tensor]]:
@@ -298,7 +333,7 @@ class DeviceEpisodes:
         seen = _map_space(lambda box: self._new(box.shape, torch.from_numpy(np.empty(0, box.dtype)).dtype), self._space)
         flags = ("terminated", "success", "death", "truncated", "ended")
         outcome = {"reward": self._new((), torch.float64), **{name: self._new((), torch.bool) for name in flags}}
-        if not self._copy:
+        if not self.host.copy:
             self._kept = seen, outcome
         return seen, outcome
 

@@ -79,17 +79,15 @@ class TorchRLEnv(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         action = tensordict.get("action").detach()
-        action = action if self.vector_env.runs_on_gpu else action.numpy()
         observation, reward, terminated, truncated, info = self.vector_env.step(action)
         return self._tensordict(observation, info, terminated=terminated, truncated=truncated, reward=reward)
 
     def _reset(self, tensordict: TensorDictBase | None = None, *, levels: Any = None, **_: Any) -> TensorDictBase:
         options: dict[str, Any] = {}
         if levels is not None:
-            options["levels"] = levels.cpu().numpy() if isinstance(levels, torch.Tensor) else np.asarray(levels)
+            options["levels"] = levels
         if tensordict is not None and "_reset" in tensordict.keys():
-            mask = tensordict.get("_reset").reshape(self.num_envs)
-            options["reset_mask"] = mask if self.vector_env.runs_on_gpu else mask.numpy()
+            options["reset_mask"] = tensordict.get("_reset").reshape(self.num_envs)
         seed, self._next_seed = self._next_seed, None
         observation, info = self.vector_env.reset(seed=seed, options=options)
         after = self._tensordict(observation, info)

@@ -1,52 +1,36 @@
 """The core environment: a batch of episodes on the levels of a set, stepped by one compiled kernel."""
 
-import weakref
 from collections.abc import Mapping
 from dataclasses import replace
 from types import NoneType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from segar.engine import Simulator, State, StepResult
-from segar.envs.buffers import Buffers
-from segar.envs.checks import (
-    MOST_ENVIRONMENTS,
-    MOST_THREADS,
-    actions_of,
-    instance,
-    seed_of,
-    shown,
-    whole_number,
-)
-from segar.envs.episode_kernel import count_step, draw_levels, record_ends, start_episodes
+from segar.engine import Simulator
+from segar.envs.action_range import ActionRange
+from segar.envs.checks import MOST_ENVIRONMENTS, MOST_THREADS, array_of, instance, seed_of, shown, whole_number
+from segar.envs.host_episodes import HostEpisodes
 from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import Snapshot
-from segar.envs.trials import MOST_TRIALS, trial_info
+from segar.envs.trials import MOST_TRIALS
 from segar.errors import LevelError, SegarError, did_you_mean, must_be
-from segar.language import Factor, Factors, Results, Task
+from segar.language import Factor, Factors, Task
 from segar.levels import Levels, check_levels
-from segar.observations import (
-    ObservationLike,
-    copy_rows,
-    draws_per_episode,
-    for_task,
-    hooks_of,
-    leaves,
-    make_observation,
-    simulator_reads,
-)
+from segar.observations import BoundObservation, ObservationLike, draws_per_episode, for_task, make_observation
 from segar.rendering import RENDER_MODES, Camera, View, offered_modes, steps_per_second
 from segar.rules import World
-from segar.support import Team, need
+from segar.support import need
 from segar.tasks import task_of
 
 if TYPE_CHECKING:
     from segar.envs.device_episodes import DeviceEpisodes
 
+Episodes: TypeAlias = "HostEpisodes | DeviceEpisodes"
+"""Where episodes run, chosen once; both have the same face."""
 KEPT_IN_PICKLES = (
     *("observation_space", "single_observation_space", "action_space", "single_action_space"),  # and their generators
     *("spec", "closed", "_np_random", "_np_random_seed"),  # Gymnasium's
@@ -144,7 +128,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         task = task or task_of(levels)
         limits = {"max_steps": max_steps, "sub_steps": sub_steps}
         self.task = replace(task, **{name: value for name, value in limits.items() if value is not None})
-        self.levels, self.pool, self.num_envs, self.copy = levels, LevelPool.of(levels), num_envs, copy
         if not isinstance(autoreset_mode, AutoresetMode) and autoreset_mode not in [
             mode.value for mode in AutoresetMode
         ]:
@@ -155,39 +138,56 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         modes = {"autoreset_mode": self.autoreset_mode, "render_modes": offered_modes()}
         self.metadata = {**type(self).metadata, **modes}
         self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
-        self._described = for_task(make_observation(observation), self.task)
-        self._bind_observation()
-        self._team = Team(num_threads)
+        self.num_envs, self.copy = num_envs, copy
+        self._actions = ActionRange(self.task, bool(unit_actions))
+        self._started = False
+        self.render_mode, camera = render_mode, None
+        if render_mode is not None:
+            camera = Camera(levels, self.simulator.world, self.task, num_envs, render_mode, view)
+        host = HostEpisodes(
+            self.simulator,
+            levels,
+            for_task(make_observation(observation), self.task),
+            self._actions,
+            num_envs=num_envs,
+            num_threads=num_threads,
+            copy=copy,
+            trials=self.trials,
+            same_step=self.autoreset_mode is AutoresetMode.SAME_STEP,
+            seed=seed_of(np.random.SeedSequence().generate_state(1, np.uint64)[0] if seed is None else seed),
+            camera=camera,
+        )
+        self._episodes: Episodes = host if str(device) == "cpu" else _on_gpu(device, host)
         self.single_observation_space = self.observation.space
-        low, high = np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32)
-        self._center, self._half_range = (low + high) / 2, (high - low) / 2
-        self._maps_actions = unit_actions and not ((low == -1).all() and (high == 1).all())
-        if unit_actions:
-            low, high = -np.ones_like(low), np.ones_like(high)
-        self.single_action_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
+        self.single_action_space = gymnasium.spaces.Box(self._actions.low, self._actions.high, dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._action_shape = (num_envs, len(self.task.action_low))
-        self._rows = np.arange(num_envs)
-        self._ended = np.empty(num_envs, np.int64)
-        self._any_level = np.full(num_envs, -1)
-        self._outcome = StepResult.empty(num_envs)
-        self._last_factors: weakref.ref[Factors] | None = None
-        self._started = False
-        self._now = Snapshot(
-            State.empty(num_envs, levels.layout),
-            np.zeros(num_envs),
-            np.zeros(num_envs, np.int64),
-            np.zeros(num_envs, np.int64),
-            seed_of(np.random.SeedSequence().generate_state(1, np.uint64)[0] if seed is None else seed),
-        )
-        self.render_mode = render_mode
-        self._camera = None
-        if render_mode is not None:
-            self._camera = Camera(levels, self.simulator.world, self.task, num_envs, render_mode, view)
         self.metadata["render_fps"] = steps_per_second(levels, self.task)
-        self._episodes = None if str(device) == "cpu" else self._episodes_on(device)
-        self.device: Any = "cpu" if self._episodes is None else self._episodes.device
+
+    @property
+    def device(self) -> Any:
+        """Where episodes run: 'cpu', or the torch device of a GPU, whose actions and results are torch tensors."""
+        return self._episodes.device
+
+    @property
+    def runs_on_gpu(self) -> bool:
+        """Whether episodes run on a GPU."""
+        return self._episodes.runs_on_gpu
+
+    @property
+    def pool(self) -> LevelPool:
+        """The levels that episodes start on, with their weights, and those that running episodes go on with."""
+        return self._episodes.pool
+
+    @property
+    def levels(self) -> Levels:
+        """The levels that episodes start on."""
+        return self._episodes.pool.drawn
+
+    @property
+    def observation(self) -> BoundObservation:
+        """What observes the levels."""
+        return self._episodes.observation
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
         """Start the next episodes; return observations and info.
@@ -204,32 +204,17 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """
         instance("reset: options", options, (Mapping, NoneType), "a mapping such as {'levels': [...]}, or None")
         options = dict(options or {})
-        where = None
-        if self._episodes is not None and options.get("reset_mask") is not None:
-            where = self._episodes.mask_of(options.pop("reset_mask"))
-            if not self._started and not bool(where.all()):
-                raise SegarError("the first reset must start all environments")
-        mask = self._checked_option(options, "reset_mask", np.bool_)
-        chosen = self._checked_option(options, "levels", np.int64)
+        mask = self._episodes.mask_of(options.pop("reset_mask", None))
+        chosen = array_of("reset: option 'levels'", options.pop("levels", None), np.int64, self.num_envs)
         if options:
             name = next(iter(options))
             raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(str(name), ('levels', 'reset_mask'))}")
         if chosen is not None:
             self._require_levels(chosen)
-        if seed is not None:
-            self._now.seed = seed_of(seed)
-            self._now.episodes[:] = 0
-        mask = np.ones(self.num_envs, np.bool_) if mask is None else mask
         if not self._started and not mask.all():
             raise SegarError("the first reset must start all environments")
         self._started = True
-        if self._episodes is not None:
-            return self._episodes.reset(seed, where, chosen)
-        self._detach_factors()
-        self._start_episodes(np.flatnonzero(mask), chosen)
-        observations = self._observe_all()
-        self._update_window()
-        return observations, self._info(np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_))
+        return self._episodes.reset(None if seed is None else seed_of(seed), mask, chosen)
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict]:
         """Advance all environments by one step; actions beyond the range are clipped.
@@ -244,25 +229,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             ActionError: wrong shape, or not finite. ConflictError: rules contradict each other in some state.
             RuleError: a number of a state, or a reward, is not finite after the step.
         """
-        if self._episodes is not None:
-            return self._step_on_device(self._episodes, actions)
-        actions = self._checked_actions(actions)
-        self._detach_factors()
-        observations = self._step_states(actions)
-        truncated, ended = self._count_step()
-        reward, terminated, success, death = self._outcome_for_caller()
-        self._update_window()
-        if not len(ended) or self.autoreset_mode is AutoresetMode.DISABLED:
-            return observations, reward, terminated, truncated, self._info(success, death)
-        final = self._final(observations, ended, success, death)
-        self._start_episodes(ended)
-        self._write_observations(observations, ended)
-        return observations, reward, terminated, truncated, {**self._info(success, death), **final}
-
-    @property
-    def runs_on_gpu(self) -> bool:
-        """Whether episodes run on a GPU, whose number ``device`` says; then actions and results are torch tensors."""
-        return self._episodes is not None
+        if not self._started:
+            raise SegarError("call reset() before step()")
+        return self._episodes.step(actions)
 
     def _require_levels(self, chosen: np.ndarray) -> None:
         """Raise :class:`LevelError` where an environment shall start on a level that there is not."""
@@ -289,18 +258,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def in_action_space(self, actions: np.ndarray) -> np.ndarray:
         """Actions of the task's range ``[..., action size]`` as the action space has them (``unit_actions``), float32."""
-        actions = np.asarray(actions, np.float32)
-        return (actions - self._center) / self._half_range if self._maps_actions else actions
+        return self._actions.of_space(actions)
 
     def in_task_range(self, actions: np.ndarray) -> np.ndarray:
         """Actions of the action space ``[..., action size]`` as the task has them: what a step makes of them, float32."""
-        actions = np.asarray(actions, np.float32)
-        return self._center + self._half_range * np.clip(actions, -1, 1) if self._maps_actions else actions
+        return self._actions.of_task(actions)
 
     @property
     def takes_task_actions(self) -> bool:
         """Whether actions have the task's own range, as without ``unit_actions`` or where both ranges are equal."""
-        return not self._maps_actions
+        return not self._actions.is_mapped
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A frame of each environment, uint8; None without a render mode, and for 'human', where a window shows them.
@@ -308,22 +275,21 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Raises:
             SegarError: there was no reset before, or no window can be opened.
         """
-        if self._camera is None:
+        camera = self._episodes.camera
+        if camera is None:
             return None
         if not self._started:
             raise SegarError("call reset() before render()")
-        return self._camera.render(self._now)
+        return camera.render(self._episodes.now)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the window, if there is one."""
-        if self._camera is not None:
-            self._camera.close()
+        if self._episodes.camera is not None:
+            self._episodes.camera.close()
 
     def state(self) -> Snapshot:
         """A copy of everything that decides how the episodes go on, and of the past that observations show."""
-        if self._episodes is not None and self._started:
-            self._episodes.pull()
-        return replace(self._now.copy(), memory=self._hooks.memory())
+        return self._episodes.state()
 
     def restore(self, snapshot: Snapshot, pool: LevelPool | None = None) -> Any:
         """Go on from a snapshot of ``num_envs`` environments on these levels; return the observations.
@@ -340,37 +306,26 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                 another observation.
         """
         instance("snapshot", snapshot, Snapshot, "a segar.envs.Snapshot, as env.state() makes it")
-        snapshot.check_fits((pool or self.pool).levels, self.num_envs)
-        self._detach_factors()
-        if pool is not None:
-            self._require_processor("restore with a pool")
-            self._use_pool(pool)
-        everywhere = np.ones(self.num_envs, np.bool_)
-        self._hooks.forget(everywhere)
-        self._hooks.start(snapshot.state.key, snapshot.state.level, everywhere)
-        self._hooks.recall(snapshot.memory)
-        self._now = replace(snapshot, memory={}).copy()
+        seen = self._episodes.restore(snapshot, pool)
         self._started = True
-        self.observation.begin(self._now.state.values, self._now.state.level, everywhere)
-        if self._episodes is not None:
-            self._episodes.push(self._now)
-        return self._observe_all()
+        return seen
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickle holds the arguments, the episodes that run, and the random generators of spaces; nothing compiled."""
         kept = {name: value for name, value in vars(self).items() if name in KEPT_IN_PICKLES}
-        return _remade, (type(self), self._arguments), (self._started, self.state(), self.pool, kept)
+        return (
+            _remade,
+            (type(self), self._arguments),
+            (self._started, self.state(), self._episodes.changed_pool(), kept),
+        )
 
-    def __setstate__(self, state: tuple[bool, Snapshot, LevelPool, dict[str, Any]]) -> None:
+    def __setstate__(self, state: tuple[bool, Snapshot, LevelPool | None, dict[str, Any]]) -> None:
         started, snapshot, pool, kept = state
         vars(self).update(kept)
-        if started and self._episodes is None:
+        if started:
             self.restore(snapshot, pool)
-        elif started:
-            self.restore(snapshot)
         else:
-            self._use_pool(pool)
-            self._now = replace(snapshot, memory={})
+            self._episodes.resume(snapshot, pool)
 
     def intervene(self, entity: str, factor: type[Factor], value: Any, where: np.ndarray | None = None) -> Any:
         """Set a factor of one entity in the environments where ``where`` (bool, all if None); return observations.
@@ -383,24 +338,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not self._started:
             raise SegarError("call reset() before intervene()")
         layout = self.levels.layout
-        slot = layout.slot_index(entity)
+        layout.slot_index(entity)
         if not (isinstance(factor, type) and issubclass(factor, Factor)):
             raise SegarError(f"intervene: factor must be a class such as segar.Mass, not {shown(factor)}")
         if factor not in layout.columns:
             layout.factor(factor.__name__)
-        chosen = self._checked_option({"where": where}, "where", np.bool_, "intervene: where")
-        if self._episodes is not None:
-            self._episodes.pull()
-        mask = np.ones(self.num_envs, np.bool_) if chosen is None else chosen
-        part = self._now.state.values[:, slot, layout.columns[factor] : layout.columns[factor] + factor.width]
-        if np.isnan(part[mask]).any():
-            raise LevelError(f"'{entity}' has no {factor.__name__} in some of these environments")
-        self._detach_factors()
-        part[mask] = factor.check(value)
-        self.observation.begin(self._now.state.values, self._now.state.level, mask)
-        if self._episodes is not None:
-            self._episodes.push(self._now)
-        return self._observe_all()
+        mask = array_of("intervene: where", where, np.bool_, self.num_envs)
+        return self._episodes.intervene(
+            entity, factor, value, np.ones(self.num_envs, np.bool_) if mask is None else mask
+        )
 
     def replace_levels(self, indices: Any, levels: Levels) -> None:
         """Take other levels in place of those at ``indices``, for all episodes that begin from now on.
@@ -416,14 +362,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Raises:
             LevelError: the indices or the levels do not fit. SegarError: episodes run on a GPU.
         """
-        self._require_processor("replace_levels")
-        pool, rows = self.pool.replaced(indices, levels, self._now.state.level if self._started else None)
-        if rows is None:
-            self._use_pool(pool)
-            return
-        snapshot = self.state()
-        snapshot.state.level[:] = rows
-        self.restore(snapshot, pool)
+        self._episodes.replace_levels(indices, levels, self._started)
 
     def set_level_weights(self, weights: Any) -> None:
         """Draw the levels of all episodes that begin from now on with these weights.
@@ -434,203 +373,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Raises:
             LevelError: the weights do not fit the levels. SegarError: episodes run on a GPU.
         """
-        self._require_processor("set_level_weights")
-        self.pool = self.pool.weighted(weights)
+        self._episodes.set_level_weights(weights)
 
-    def _require_processor(self, method: str) -> None:
-        if self._episodes is not None:
-            raise SegarError(
-                f"{method}: episodes on a GPU keep their levels; use device='cpu', or make other environments"
-            )
 
-    def _use_pool(self, pool: LevelPool) -> None:
-        """Play the levels of a pool; the rows of running episodes are the caller's to set."""
-        self._detach_factors()
-        if pool.levels is not self.pool.levels:
-            self.pool, self.levels = pool, pool.drawn
-            self._bind_observation()
-            if self._camera is not None:
-                self._camera.show_levels(pool.levels)
-        self.pool = pool
+def _on_gpu(device: Any, host: HostEpisodes) -> "Episodes":
+    """The episodes on a GPU; raises :class:`SegarError` where they cannot run there."""
+    need(f"device='{device}'", "torch")
+    from segar.envs.device_episodes import DeviceEpisodes, open_gpu
 
-    def _bind_observation(self) -> None:
-        """Make what observes the levels of the pool."""
-        levels = replace(self.pool.levels, world=self.simulator.world)
-        self.observation = self._described.bind(levels, self.num_envs)
-        self._hooks, self._reads = hooks_of(self.observation), simulator_reads(self.observation)
-        self._buffers = Buffers(self.num_envs, self.copy, self.observation)
-
-    def _episodes_on(self, device: Any) -> "DeviceEpisodes":
-        """The episodes on a GPU."""
-        if self.render_mode is not None:
-            raise SegarError(
-                f"render_mode='{self.render_mode}' draws on the processor: use device='cpu', or restore env.state() in an"
-                " environment there"
-            )
-        need(f"device='{device}'", "torch")
-        from segar.envs.device_episodes import DeviceEpisodes, open_gpu
-
-        gpu = open_gpu(device)
-        return DeviceEpisodes(gpu, self.simulator, self.levels, self.observation, self._now, self.copy, self.trials)
-
-    def _step_on_device(self, episodes: "DeviceEpisodes", actions: Any) -> tuple[Any, ...]:
-        """:meth:`step` on a GPU."""
-        if not self._started:
-            raise SegarError("call reset() before step()")
-        actions = episodes.actions_of(actions)
-        if self._maps_actions:
-            actions = episodes.scaled(actions, self._center, self._half_range)
-        same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
-        return episodes.step(actions, same_step, self.task.max_steps, self.task.sub_steps)
-
-    def _step_states(self, actions: np.ndarray) -> Any:
-        """Step all states by the actions; return the observations of the states that follow."""
-        if self._reads is not None:  # the simulator writes the observations while it has the states at hand
-            observations = self._buffers.output()
-            self.simulator.act(self._now.state, self.pool.levels, actions, self._outcome, self._reads, observations)
-            return observations
-        self.simulator.act(self._now.state, self.pool.levels, actions, self._outcome)
-        self._hooks.advance(actions)
-        self._hooks.rewarded(self._outcome.reward)
-        return self._observe_all()
-
-    def _count_step(self) -> tuple[np.ndarray, np.ndarray]:
-        """Count the step in returns and lengths; return ``truncated`` and the rows of the episodes that ended."""
-        now, truncated = self._now, np.empty(self.num_envs, np.bool_)
-        count = count_step(
-            self._outcome.reward, self._outcome.terminated, self.task.max_steps, now.returns, now.lengths, truncated,
-            self._ended,
-        )  # fmt: skip
-        return truncated, self._ended[:count]
-
-    def _outcome_for_caller(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Reward, terminated, success and death of the step, as far as needed in arrays that the next step leaves alone."""
-        out = self._outcome
-        reward = out.reward.copy() if self.copy else out.reward
-        return reward, out.terminated.copy(), out.success.copy(), out.death.copy()
-
-    def _start_episodes(self, rows: np.ndarray, chosen: np.ndarray | None = None) -> None:
-        """Start episodes in these rows, on the chosen levels or on ones that are drawn, or the next trials there."""
-        now, state = self._now, self._now.state
-        chosen = self._any_level if chosen is None else chosen
-        if not self.pool.is_plain:
-            chosen, sums = chosen.copy(), self.pool.cumulative
-            draw_levels(rows, np.uint64(now.seed), self.trials, self.pool.count, sums, now.episodes, chosen)
-        start_episodes(
-            rows, np.uint64(now.seed), self.trials, chosen, self.pool.levels.values, state.values, state.level, state.key,
-            state.tick, state.contacts, now.state.unresolved_contacts, now.returns, now.lengths, now.episodes,
-        )  # fmt: skip
-        mask = np.zeros(self.num_envs, np.bool_)
-        mask[rows] = True
-        self._hooks.forget(mask if self.trials == 1 else mask & ((now.episodes - 1) % self.trials == 0))
-        self._hooks.start(state.key, state.level, mask)
-        self.observation.begin(state.values, state.level, mask)
-
-    def _observe_all(self) -> Any:
-        """The observations of all present states."""
-        if self._episodes is not None:
-            return self._episodes.observe()
-        observations = self._buffers.output()
-        self._write_observations(observations, self._rows)
-        return observations
-
-    def _write_observations(self, out: Any, rows: np.ndarray) -> None:
-        """Write the observations of these rows of the present states into ``out``."""
-        values, level, write = self._now.state.values, self._now.state.level, self.observation.write
-        self._team.do_range(lambda a, b: write(values, level, out, rows[a:b]), len(rows))
-
-    def _update_window(self) -> None:
-        """Show the present states where the render mode is a window."""
-        if self.render_mode == "human":
-            self.render()
-
-    def _info(self, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
-        """The info about all running episodes."""
-        now = self._now
-        factors = Factors(self.levels.layout, now.state.values)
-        self._last_factors = weakref.ref(factors)
-        counts = (
-            self.pool.named(now.state.level),
-            now.lengths.copy(),
-            now.state.contacts.copy(),
-            now.state.unresolved_contacts.copy(),
-        )
-        trials = trial_info(self.trials, now.episodes, now.lengths)
-        return self._named_info(counts, now.returns.copy(), success, death, factors) | trials
-
-    def _final(self, observations: Any, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
-        """The last observations and info of episodes that ended, in full-sized arrays with masks.
-
-        ``success`` and ``death`` are set to false for these episodes, because the next ones begin.
-        """
-        now, state, ended = self._now, self._now.state, ended.copy()  # the caller's factors hold the rows
-        final_obs = self._buffers.final_output(ended)
-        for last, array in zip(leaves(final_obs), leaves(observations), strict=True):
-            copy_rows(array, last, ended)
-        counts, flags = np.zeros((4, self.num_envs), np.int64), np.zeros((4, self.num_envs), np.bool_)
-        returns = np.zeros(self.num_envs)
-        record_ends(
-            ended, state.level, now.lengths, state.contacts, state.unresolved_contacts, now.returns, success, death, counts,
-            returns, flags,
-        )  # fmt: skip
-        counts[0] = self.pool.named(counts[0])
-        factors = Factors(self.levels.layout, state.values[ended], ended, self.num_envs)
-        trials = {
-            name: np.where(flags[2], array, np.zeros_like(array))
-            for name, array in trial_info(self.trials, now.episodes, now.lengths).items()
-        }
-        final_info = self._named_info(counts, returns, flags[0], flags[1], factors) | trials
-        return {"final_obs": final_obs, "_final_obs": flags[2], "final_info": final_info, "_final_info": flags[3]}
-
-    def _named_info(
-        self, counts: Any, returns: np.ndarray, success: np.ndarray, death: np.ndarray, factors: Factors
-    ) -> dict[str, Any]:
-        """Info by its names; ``counts`` are level, length, contacts and unresolved contacts."""
-        return {
-            "level": counts[0],
-            "return": returns,
-            "length": counts[1],
-            "success": success,
-            "death": death,
-            "contacts": counts[2],
-            "unresolved_contacts": counts[3],
-            "factors": factors,
-            "results": Results(self.task.results, factors),
-        }
-
-    def _detach_factors(self) -> None:
-        """Let the factors of the last step take a copy of the state, which is about to change, if a caller holds them.
-
-        A weak reference says whether a caller does: the object lives as long as any reference to it, counted or borrowed.
-        """
-        factors = self._last_factors() if self._last_factors is not None else None
-        if factors is not None and self.copy:
-            factors.keep()
-        self._last_factors = None
-
-    def _checked_actions(self, actions: Any) -> np.ndarray:
-        if not self._started:
-            raise SegarError("call reset() before step()")
-        return self.in_task_range(actions_of(actions, self._action_shape))
-
-    def _checked_option(
-        self, options: dict[str, Any], name: str, dtype: Any, called: str | None = None
-    ) -> np.ndarray | None:
-        if options.get(name) is None:
-            options.pop(name, None)
-            return None
-        given, kinds = options.pop(name), "iu" if dtype is np.int64 else "b"
-        if self._episodes is not None and hasattr(given, "cpu"):  # a tensor on the GPU
-            given = given.cpu()
-        what = called or f"reset: option '{name}'"
-        right = f"{what} must be {np.dtype(dtype)} of shape ({self.num_envs},), not"
-        try:
-            array = np.asarray(given)
-        except (ValueError, TypeError) as error:  # a ragged list
-            raise LevelError(f"{right} {shown(given)}") from error
-        if array.shape != (self.num_envs,) or array.dtype.kind not in kinds or isinstance(given, np.ma.MaskedArray):
-            raise LevelError(f"{right} {array.dtype} of shape {array.shape}: {shown(given)}")
-        return array.astype(dtype)
+    return DeviceEpisodes(open_gpu(device), host)
 
 
 def _remade(kind: type[VectorEnv], arguments: dict[str, Any]) -> VectorEnv:

@@ -60,7 +60,7 @@ class Camera:
             need_pygame("a window")
         self.view = view or (View() if num_envs == 1 else SMALL)
         self._stage = Stage(levels, world, task, self.view.colours)
-        self._num_envs, self._mode, self._window = num_envs, mode, None
+        self._num_envs, self.mode, self._window = num_envs, mode, None
 
     def render(self, now: Episodes, verdicts: Sequence[str] = ()) -> tuple[np.ndarray, ...] | None:
         """A frame of each environment, uint8 ``view.shape``; or None, after the first 16 were shown in a window.
@@ -69,7 +69,7 @@ class Camera:
             now: the episodes that run.
             verdicts: how the episode of each environment ended, '' if it did not; by default none ended.
         """
-        if self._mode == "human":
+        if self.mode == "human":
             self._show(now, verdicts)
             return None
         return tuple(self._frames(now, range(self._num_envs), verdicts))

@@ -157,7 +157,7 @@ def test_snapshots_go_from_one_to_the_other(stub, levels, name):
     snapshot = device.state()
     assert snapshot.lengths.tolist() == [4] * N
     seen = host.restore(snapshot)
-    assert same(seen, device._observe_all())
+    assert same(seen, device._episodes.observe())
     play_both(host, device, actions_of(4, 4))
     later = host.state()
     other = VectorEnv(levels, N, device="cuda", observation=observation)

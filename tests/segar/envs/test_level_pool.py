@@ -110,7 +110,7 @@ def test_running_episodes_and_their_trials_end_on_their_own_level(trials):
     *_, info = env.step(np.zeros((N, 2), np.float32))
     np.testing.assert_array_equal(info["final_info"]["level"], -1)
     assert (info["level"] >= 0).all()
-    np.testing.assert_array_equal(env._now.state.values, OTHERS.values[info["level"]])
+    np.testing.assert_array_equal(env._episodes.now.state.values, OTHERS.values[info["level"]])
     np.testing.assert_array_equal(env.levels.values, OTHERS.values)
 
 
@@ -129,7 +129,7 @@ def changed(**options: Any) -> VectorEnv:
     env = make(observation=OBSERVATIONS[2], trials=2, **options)
     env.reset()
     played(env, STEPS + 1)
-    playing = env._now.state.level[:2]
+    playing = env._episodes.now.state.level[:2]
     env.replace_levels(np.unique(playing), OTHERS[: len(np.unique(playing))])
     env.set_level_weights(np.arange(8.0))
     return env

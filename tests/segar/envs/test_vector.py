@@ -108,7 +108,7 @@ def test_time_out_is_truncation_and_arrival_is_termination_and_success() -> None
     ball, goal = (levels.layout.slot_index(name) for name in ("golfball", "goal"))
     arrived = np.zeros(4, bool)
     for _ in range(60):
-        factors = env._info(arrived, arrived)["factors"]  # a proportional controller
+        factors = env.factors  # a proportional controller
         gap = factors["Position"][:, goal] - factors["Position"][:, ball]
         _, _, terminated, truncated, info = env.step(3 * gap - 0.5 * factors["Velocity"][:, ball])
         arrived |= terminated & info["success"]
@@ -139,7 +139,7 @@ def test_an_intervention_changes_one_factor_of_the_chosen_environments() -> None
     before = info["factors"]["Mass"]
     mask = np.array([True, False, False, True])
     env.intervene("golfball", segar.Mass, 2.0, where=mask)
-    after = env._info(mask, mask)["factors"]["Mass"]
+    after = env.factors["Mass"]
     assert (after[mask, 0] == 2.0).all()
     np.testing.assert_array_equal(after[~mask], before[~mask])
 

@@ -63,7 +63,7 @@ def test_generations_of_mutations_stay_levels_of_the_distribution(seed, generati
     assert np.isfinite(dist.log_prob(levels, normalised=False)).all()
     env = segar.envs.VectorEnv(levels, 6, seed=0)
     env.reset(options={"levels": np.arange(6)})
-    np.testing.assert_array_equal(env._now.state.values, levels.values)
+    np.testing.assert_array_equal(env._episodes.now.state.values, levels.values)
     env.step(np.zeros((6, 2), np.float32))
 
 

@@ -172,7 +172,7 @@ def test_built_in_observations_have_the_hooks_that_they_need(observation, of_bou
 
 def test_the_simulator_writes_what_write_would():
     env, after = (VectorEnv(LEVELS, 3, seed=0) for _ in range(2))
-    assert env._reads is not None
+    assert env._episodes._reads is not None
     after._reads = None
     for one in (env, after):
         one.reset()

@@ -120,7 +120,7 @@ def test_every_sub_step_agrees_without_the_task():
     env = environment("objectsx3-hard", "state", 100)
     env.reset()
     twin = Twin(env, "wasm")
-    state = env._now.state
+    state = env._episodes.now.state
     state.values[..., 6:8] *= 3  # velocities, so that much is hit
     twin.machine.place({"state_values": state.values})
     for sub_step in range(300):
@@ -179,7 +179,7 @@ def agree_on_random_rules(target: str, count: int) -> None:
         state = random_states(levels, 30, rng)
         env = VectorEnv(levels, 30, world=world, seed=0, autoreset_mode="Disabled")
         env.reset()
-        env._now.state = state
+        env._episodes.now.state = state
         twin = Twin(env, target)
         for sub_step in range(20):
             try:

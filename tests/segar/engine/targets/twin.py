@@ -30,7 +30,7 @@ class Twin:
         self.sizes = {"envs": env.num_envs, "levels": len(env.levels), "rows": env.num_envs}
         self.sizes["corners"] = levels.vertex.shape[2]
         batch = {f"state_{name}": getattr(self.state.state, name) for name in BATCH}
-        results = {f"result_{name}": array for name, array in vars(env._outcome).items()}
+        results = {f"result_{name}": array for name, array in vars(env._episodes._outcome).items()}
         fixed = {f"level_{name}": array for name, array in vars(levels).items()}
         episodes = {name: getattr(self.state, name) for name in EPISODES}
         rows = {"rows": np.arange(env.num_envs), "chosen": np.full(env.num_envs, -1)}
@@ -88,9 +88,9 @@ class Twin:
 
     def differences(self) -> list[str]:
         """Names of the arrays of states and results whose bytes differ now."""
-        state = self.env._now.state
+        state = self.env._episodes.now.state
         expected = {f"state_{name}": getattr(state, name) for name in BATCH}
-        expected |= {f"result_{name}": array for name, array in vars(self.env._outcome).items()}
+        expected |= {f"result_{name}": array for name, array in vars(self.env._episodes._outcome).items()}
         return [name for name, array in expected.items() if array.tobytes() != self.machine[name].tobytes()]
 
 
