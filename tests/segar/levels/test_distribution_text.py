@@ -83,7 +83,7 @@ HEAD = "LevelDistribution(\n numbers=[(GolfBall, 1)],\n priors=[Prior(Mass, {})]
         ("LevelDistribution()", "needs numbers="),
         ("LevelDistribution(\nnumbers=[(GolfBall, 1)],\nnumber=3)", "line 3: LevelDistribution has no part 'number'"),
         ("LevelDistribution(\n numbers=[(GolfBal, 1)])", "line 2: there is no 'GolfBal' here."),
-        ("LevelDistribution(numbers=[(GolfBall, -1)])", "how many GolfBall must be a whole number from 0 up"),
+        ("LevelDistribution(numbers=[(GolfBall, -1)])", "how many GolfBall must be a whole number from 0"),
         ("LevelDistribution(numbers=[(GolfBall(), 1)])", "cannot stand here"),
         ("LevelDistribution(numbers={[]: 1})", "unhashable"),
         (HEAD.format("UniformNoise(2, 1)"), "line 3: UniformNoise: its range must go from low to high"),
