@@ -97,9 +97,14 @@ class HostEpisodes:
         """See :meth:`segar.envs.VectorEnv.step`."""
         actions = self.actions.of_task(actions_of(actions, (self.num_envs, len(self.actions.low))))
         self._detach_factors()
-        observations = self._step_states(actions)
-        truncated, ended = self._count_step()
-        reward, terminated, success, death = self._outcome_for_caller()
+        observations, now, out = self._step_states(actions), self.now, self._outcome
+        truncated = np.empty(self.num_envs, np.bool_)
+        count = count_step(
+            out.reward, out.terminated, self.task.max_steps, now.returns, now.lengths, truncated, self._ended
+        )
+        ended = self._ended[:count]
+        reward = out.reward.copy() if self.copy else out.reward
+        terminated, success, death = out.terminated.copy(), out.success.copy(), out.death.copy()
         self._update_window()
         if not len(ended) or not self.same_step:
             return observations, reward, terminated, truncated, self._info(success, death)
@@ -194,21 +199,6 @@ class HostEpisodes:
         self._hooks.advance(actions)
         self._hooks.rewarded(self._outcome.reward)
         return self.observe()
-
-    def _count_step(self) -> tuple[np.ndarray, np.ndarray]:
-        """Count the step in returns and lengths; return ``truncated`` and the rows of the episodes that ended."""
-        now, truncated = self.now, np.empty(self.num_envs, np.bool_)
-        count = count_step(
-            self._outcome.reward, self._outcome.terminated, self.task.max_steps, now.returns, now.lengths, truncated,
-            self._ended,
-        )  # fmt: skip
-        return truncated, self._ended[:count]
-
-    def _outcome_for_caller(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Reward, terminated, success and death of the step, as far as needed in arrays that the next step leaves alone."""
-        out = self._outcome
-        reward = out.reward.copy() if self.copy else out.reward
-        return reward, out.terminated.copy(), out.success.copy(), out.death.copy()
 
     def _start_episodes(self, rows: np.ndarray, chosen: np.ndarray | None = None) -> None:
         """Start episodes in these rows, on the chosen levels or on ones that are drawn, or the next trials there."""
