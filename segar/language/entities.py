@@ -247,9 +247,3 @@ class ThingFactory:
 def entity_name(entity: type[Entity]) -> str:
     """The name of an entity type for people: its ID, else its label, else the class name in lower case."""
     return entity.declared.get(ID) or entity.declared.get(Label) or entity.__name__.lower()
-
-
-__all__ = [
-    "Ball", "Bumper", "Charger", "CueBall", "Damper", "Entity", "FireTile", "GlobalFriction", "GoalTile", "GolfBall",
-    "Hole", "MagmaTile", "Magnet", "Object", "SandTile", "Thing", "ThingFactory", "Tile", "entity_name",
-]  # fmt: skip

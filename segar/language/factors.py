@@ -313,11 +313,3 @@ class Shape(Factor):
         if not isinstance(value, BaseShape):
             raise FactorError(f"Shape takes a shape such as Circle(0.2), not {value!r}")
         return value
-
-
-__all__ = [
-    "ID", "LARGEST", "Acceleration", "Alive", "Charge", "Collides", "Consumes", "Count", "Density", "Done", "Drag",
-    "Factor", "Flag", "Floor", "Friction", "Heat", "InfiniteEnergy", "Label", "Magnetism", "Marker", "Mass", "Mobile",
-    "Order", "Position", "Scalar", "Shape", "Size", "StoredEnergy", "Text", "Vector", "Velocity", "Visible",
-    "all_subclasses", "concrete_factors",
-]  # fmt: skip
