@@ -149,7 +149,7 @@ def headline_numbers(report: Report) -> dict[str, float]:
             numbers[f"claims {settings}/{name}"] = float(count)
     for mode in evidence.modes if len(evidence.main) else ():
         for test in GIVEN:
-            found = evidence.association(mode, "gap", test)
+            found = evidence.of_main(mode, "gap", test)
             if np.isfinite(found.estimate):
                 numbers |= {f"{mode}/{test}/pearson": found.estimate, f"{mode}/{test}/pearson_p": found.p}
     return numbers

@@ -224,10 +224,7 @@ def code_warning(runs: Sequence[RunRow]) -> str:
         parts_of.setdefault(tuple(names), []).append(part)
     if not parts_of:
         return ""
-    which = [
-        f"{', '.join(parts)} in {', '.join(names[:NAMED])}" + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
-        for names, parts in parts_of.items()
-    ]
+    which = [f"{', '.join(parts)} in {_some(names)}" for names, parts in parts_of.items()]
     return (
         f"warning: these runs were made by different code, so their means and differences are not those of settings and seeds"
         f" alone. Others than in most runs are"
@@ -242,10 +239,14 @@ def seen_warning(runs: Sequence[RunRow]) -> str:
         return ""
     names, share = [row.folder.name for row in found], max(row.seen for row in found)
     return (
-        f"warning: {share:.0%} of the test levels are training levels, too, in {', '.join(names[:NAMED])}"
-        + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
-        + ". Such a gap says nothing of levels that an agent has not seen"
+        f"warning: {share:.0%} of the test levels are training levels, too, in {_some(names)}. Such a gap says nothing of"
+        " levels that an agent has not seen"
     )
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first names, and how many more there are."""
+    return ", ".join(names[:NAMED]) + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
 
 
 def score_warnings(runs: Sequence[RunRow]) -> list[str]:

@@ -5,7 +5,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -45,20 +45,25 @@ class Evidence:
     Args:
         results: the tables.
         gated: leave out the runs below the gate (``analysis/report/rules.yaml``).
+        least_blocks: that an interval is given of.
+        blocks: what blocks of these columns are called where there are too few.
     """
 
-    least_blocks = LEAST_BLOCKS  # that an interval is given of
-    # What blocks of these columns are called where there are too few.
-    blocks: ClassVar[Mapping[tuple[str, ...], str]] = {BLOCK: "blocks", PANEL: "blocks"}
-
-    def __init__(self, results: Results, gated: bool = True):
+    def __init__(
+        self,
+        results: Results,
+        gated: bool = True,
+        least_blocks: int = LEAST_BLOCKS,
+        blocks: Mapping[tuple[str, ...], str] = {BLOCK: "blocks", PANEL: "blocks"},
+    ):
         self.all_results = results
         self.results = results.gated if gated else results
+        self.least_blocks, self.blocks = least_blocks, blocks
 
     @cached_property
     def ungated(self) -> "Evidence":
         """The same with all runs."""
-        return Evidence(self.all_results, gated=False)
+        return Evidence(self.all_results, False, self.least_blocks, self.blocks)
 
     @property
     def main(self) -> pd.DataFrame:
@@ -78,13 +83,6 @@ class Evidence:
             associations(self.main, f"w2_{mode}", gap).assign(w2=mode, gap=gap) for mode in self.modes for gap in GAPS
         ]
         return leading(pd.concat(parts, ignore_index=True), "w2", "gap") if parts else pd.DataFrame()
-
-    def association(self, mode: str, gap: str, test: str) -> Estimate:
-        """One row of :attr:`associations`: Pearson's, of all panels, with outliers."""
-        table = self.associations
-        want = {"w2": mode, "gap": gap, "test": test, "panel": "", "method": "pearson", "outliers": "kept"}
-        rows = select(table, **want) if len(table) else table
-        return Estimate.missing(0, "no such runs") if rows.empty else Estimate.of_row(rows.iloc[0].to_dict())
 
     def by_blocks(
         self, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],

@@ -9,6 +9,7 @@ from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import Evidence
 from analysis.report.results import ETA, MEMORY, Results, less_partner
 from analysis.report.rules import WHOLE
+from analysis.studies.w2 import TEST_LEVELS
 from analysis.tables import column, count_of, keep, pick, select
 
 CONTROL = "nuisance_only"  # a design that is one level many times
@@ -19,7 +20,6 @@ GAPS = {METRIC_2022: "gap_2022", METRIC_OURS: "gap"}
 LEVELS = ("train", "test")
 ACCURACIES = ("accuracy_train", "accuracy_test")
 PPO, AS_MANY_STEPS, SAC = "PPO", "as many steps", "SAC"
-STUDY_LEVELS = 100  # test levels of the study of distances
 OF_SET = ("family", "difficulty", "n", "seed", "design")
 SUCCESS_IN_TRIAL = "success_trial_{}_test_deterministic"
 
@@ -103,9 +103,7 @@ def distances_of_empty(evidence: Evidence) -> pd.DataFrame:
     inside = (table["train"] == table["test"]) & (table["ks"] > 0) & table["train"].str.startswith("empty-")
     table = keep(table, inside)
     n = column(table, "n")
-    return table.assign(
-        log_ks=np.log(column(table, "ks")), log_effective_n=np.log(n * STUDY_LEVELS / (n + STUDY_LEVELS))
-    )
+    return table.assign(log_ks=np.log(column(table, "ks")), log_effective_n=np.log(n * TEST_LEVELS / (n + TEST_LEVELS)))
 
 
 def all_rule_set_runs(evidence: Evidence) -> pd.DataFrame:

@@ -16,6 +16,7 @@ from analysis.report.claims.specifications import specifications
 from analysis.report.document.blocks import Table
 from analysis.report.number_format import effect, effect_of_r, p_value, plain, signed
 from analysis.report.results import PANEL
+from analysis.report.rules import GATE_MARGIN
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, mean_by, select
 
@@ -160,7 +161,7 @@ def gate_table(evidence: Evidence) -> Table:
         for part in (select(everything, panel=panel),)
     ]  # fmt: skip
     head = ("panel", "runs that learned", "runs", "success on training levels", "idle play", "random play")
-    return Table(head, rows, 1, TABLES["gate"])
+    return Table(head, rows, 1, TABLES["gate"].format(margin=GATE_MARGIN))
 
 
 def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], value: str) -> pd.DataFrame:

@@ -25,6 +25,7 @@ from analysis.report.figures.drawing import (
 from analysis.report.number_format import estimate_text
 from analysis.report.results import PANEL, shifts_in_words
 from analysis.stats.estimate import mean_of_replicates
+from analysis.studies.w2 import TEST_LEVELS
 from analysis.tables import column, count_of, keep, mean_by, pick, select
 
 SUCCESS = "success_test_deterministic"
@@ -252,7 +253,7 @@ def w2_study(evidence: Evidence) -> Drawn | str:
                 one.plot(column(mine, "n"), column(mine, "mean_2022"), "x", color="#000000", markersize=4, zorder=5)
         log_axis(one, sorted(set(part["n"])))
         one.set_xlabel("training levels")
-        one.set_ylabel("W2 to 100 test levels")
+        one.set_ylabel(f"W2 to {TEST_LEVELS} test levels")
         one.set_title("W2 of 2022" if mode == "reference" else "exact W2")
     places = pd.DataFrame([panel.split("-") for panel in dict.fromkeys(inside["train"])], columns=list(PANEL))
     figure.legend(handles=legend_of(places), loc="outside lower center", ncols=6, handletextpad=0.2)

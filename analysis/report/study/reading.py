@@ -3,14 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from analysis.distances import COMMON
 from analysis.report.claims.evidence import Evidence
-from analysis.report.results import BLOCK, PANEL, Results, measured, read_results
+from analysis.report.results import BLOCK, PANEL, measured, read_results
 from analysis.runs import LEVEL_SETS, column_name, number_of_pairs
 from analysis.stats.association import labels
 from analysis.tables import count_of, keep, pick, select
@@ -26,14 +26,7 @@ OWN_UNITS = "w2_exact has a unit for each pair of training and test distribution
 SUCCESS = ("success_train_deterministic", "success_test_deterministic")
 
 
-class StudyEvidence(Evidence):
-    """The statistics of the paper's report, with all runs, and with intervals of three level sets or more."""
-
-    least_blocks = FEWEST_BLOCKS
-    blocks: ClassVar[Mapping[tuple[str, ...], str]] = {BLOCK: LEVEL_SETS, PANEL: "panels"}
-
-    def __init__(self, results: Results):
-        super().__init__(results, gated=False)
+BLOCK_NAMES = {BLOCK: LEVEL_SETS, PANEL: "panels"}  # as their intervals call blocks
 
 
 @dataclass(frozen=True)
@@ -124,7 +117,8 @@ def read_study(folder: Path) -> Study:
     told_apart = [name for name in (*kind_columns(known), *vary) if name in table and count_of(table, name) > 1]
     table = measured(table)
     agent = [agent_name(row, told_apart) for row in table.to_dict("records")]
-    return Study(asked, StudyEvidence(results), table.assign(agent=agent, levels=table["n"]), told_apart)
+    evidence = Evidence(results, False, FEWEST_BLOCKS, BLOCK_NAMES)  # of all runs
+    return Study(asked, evidence, table.assign(agent=agent, levels=table["n"]), told_apart)
 
 
 def agent_name(row: Mapping[Any, Any], told_apart: Sequence[str]) -> str:

@@ -257,7 +257,7 @@ def test_mlflow_gets_the_numbers_and_the_files_once(tmp_path, undrawn):
     client, experiment = open_store(TrackingConfig(**tracking), tmp_path)
     (run,) = client.search_runs([experiment], "tags.kind = 'report'")
     assert run.data.metrics["runs"] == 15
-    pooled = report.subject.evidence.association("exact", "gap", "pooled")
+    pooled = report.subject.evidence.of_main("exact", "gap", "pooled")
     assert run.data.metrics["exact/pooled/pearson"] == pytest.approx(pooled.estimate)
     there = {
         entry.path
