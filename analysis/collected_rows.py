@@ -69,9 +69,9 @@ def software(versions: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def without_levels(code: Mapping[str, str] | str) -> Mapping[str, str] | str:
+def without_levels(code: Mapping[str, str]) -> dict[str, str]:
     """The parts of the code but for the levels, which are data: each distribution has its own."""
-    return code if isinstance(code, str) else {name: part for name, part in code.items() if name != "levels"}
+    return {name: part for name, part in code.items() if name != "levels"}
 
 
 def transfer_row(

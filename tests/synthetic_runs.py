@@ -29,7 +29,7 @@ MADE_WITH: dict[str, Any] = {
     "python": "3.11.7",
     "libraries": {"segar": None, "torch": "2.13.0"},
     "git": {"commit": "89abcdef" * 5, "changed": True},
-    "code": "0123456789abcdef",
+    "code": {"kernel": "0123456789abcdef"},
     "arithmetic": {
         "determinism": "machine",
         "device": "cpu",
@@ -54,7 +54,7 @@ def write_run(
     w2: float = 0.5,
     finished: bool = True,
     noise: float = 1.0,
-    code: Mapping[str, str] | str = MADE_WITH["code"],
+    code: Mapping[str, str] = MADE_WITH["code"],
 ) -> Path:
     """The folder of a run with this mean gap (exactly) and W2; sampled actions cost 0.5 everywhere."""
     folder = folder_path(config)

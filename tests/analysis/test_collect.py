@@ -13,6 +13,7 @@ from analysis.plotting.style import colours
 from experiments.reproduce import ReproduceConfig, write_plan
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import make_plan
+from experiments.runs.executed_code import combined
 from experiments.runs.run_folder import EPISODE_SCHEMA, PROBES, SUMMARY, folder_path, write_json, write_rows
 from experiments.settings import RunFolderError, ScaleConfig, TrackingConfig
 from tests.synthetic_runs import MADE_WITH, episodes, settings, write_run
@@ -90,7 +91,7 @@ def test_a_run_has_its_gap_in_both_modes_its_distances_and_its_cost(made):
 def test_a_run_says_what_made_it(made):
     _, found = made
     row = found.runs.iloc[0]
-    assert row["code"] == "0123456789abcdef"
+    assert row["code"] == combined({"kernel": "0123456789abcdef"})
     assert row["commit"] == "89abcdef" * 5 + "+", "files differed from the commit"
     assert row["libraries"] == "python 3.11.7, torch 2.13.0", "one that is not installed is not named"
     assert row["computed_with"] == "AVX512, bf16, 1 thread, AMD EPYC"
