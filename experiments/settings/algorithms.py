@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from experiments.settings.checks import (
     Count,
@@ -19,6 +19,8 @@ from experiments.settings.checks import (
     that,
 )
 from experiments.settings.own_code import class_named
+
+T = TypeVar("T")
 
 # The CNNs that have a name: functions in experiments.networks.encoders.
 CNNS = ("small", "keypoints", "nature", "impala", "impala_15", "cnn_2022")
@@ -347,28 +349,33 @@ KINDS: Mapping[str, type[PPOConfig] | type[SACConfig]] = {
 
 def kind_of(cls: type[AlgorithmConfig]) -> str:
     """The short name of a built-in algorithm; the import path, such as ``my_lab.mine.MineConfig``, of any other."""
-    return cls.kind if is_built_in(cls) else f"{cls.__module__}.{cls.__qualname__}"
+    (name,) = named_class(cls, KINDS).values()
+    return name
 
 
-def is_built_in(cls: type[AlgorithmConfig]) -> bool:
-    """Whether the class stands in :data:`KINDS`; a sub-class of one that does has its ``kind`` but is another algorithm."""
-    return KINDS.get(getattr(cls, "kind", "")) is cls
+def named_class(cls: type[Any], known: Mapping[str, type[Any]]) -> dict[str, str]:
+    """The setting that names a class in plain data: ``kind`` of a ``known`` one, ``_target_``, its import path, of any other.
+
+    A sub-class of a known one has its ``kind`` but is another.
+    """
+    kind = getattr(cls, "kind", "")
+    return {"kind": kind} if known.get(kind) is cls else {TARGET: f"{cls.__module__}.{cls.__qualname__}"}
 
 
-def named_class(cls: type[AlgorithmConfig]) -> dict[str, str]:
-    """The setting that names the class in plain data: ``kind`` of a built-in algorithm, ``_target_`` of any other."""
-    return {"kind" if is_built_in(cls) else TARGET: kind_of(cls)}
+def class_of(settings: Mapping[str, Any], base: type[T], known: Mapping[str, type[T]], default: Any) -> type[T]:
+    """The sub-class of ``base`` that ``_target_``, or else ``kind``, names in the settings of a group.
+
+    Raises:
+        ConfigError: there is no such class, or it is no sub-class of ``base``.
+    """
+    group, target = base.group, settings.get(TARGET)  # type: ignore[attr-defined]
+    if target is not None:
+        return class_named(str(target), base, f"{group}.{TARGET}")
+    kind = settings.get("kind", default)
+    require_known(f"{group}.kind", kind, known)
+    return known[kind]
 
 
 def algorithm_class(settings: Mapping[str, Any]) -> type[AlgorithmConfig]:
-    """The class that ``_target_``, or else ``kind``, names in the settings of an algorithm; PPO's where neither does.
-
-    Raises:
-        ConfigError: there is no such class, or it is no sub-class of :class:`AlgorithmConfig`.
-    """
-    target = settings.get(TARGET)
-    if target is None:
-        kind = settings.get("kind", PPOConfig.kind)
-        require_known("algorithm.kind", kind, KINDS)
-        return KINDS[kind]
-    return class_named(str(target), AlgorithmConfig, f"algorithm.{TARGET}")
+    """The class that the settings of an algorithm name, PPO's where they name none; see :func:`class_of`."""
+    return class_of(settings, AlgorithmConfig, KINDS, PPOConfig.kind)

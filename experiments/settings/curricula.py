@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from experiments.settings.algorithms import NAMES_OF_CLASS, TARGET
-from experiments.settings.checks import Count, Positive, Settings, Share, one_of, require, require_known, that
+from experiments.settings.algorithms import NAMES_OF_CLASS, class_of
+from experiments.settings.checks import Count, Positive, Settings, Share, one_of, require, that
 from experiments.settings.errors import ConfigError
-from experiments.settings.own_code import class_named
 
 NO_CURRICULUM = "none"
 SCORES = ("value_l1", "positive_value_loss", "max_mc", "regret")  # see experiments.curricula.scores
@@ -123,25 +122,15 @@ CURRICULA: Mapping[str, type[CurriculumConfig]] = {
 }
 
 
-def named_curriculum(cls: type[CurriculumConfig]) -> dict[str, str]:
-    """The setting that names the class in plain data: ``kind`` of a built-in curriculum, ``_target_`` of any other."""
-    kind = getattr(cls, "kind", "")
-    return {"kind": kind} if CURRICULA.get(kind) is cls else {TARGET: f"{cls.__module__}.{cls.__qualname__}"}
-
-
 def curriculum_class(settings: Mapping[str, Any]) -> type[CurriculumConfig] | None:
     """The class that ``_target_``, or else ``kind``, names in the settings of a curriculum; None where there is none.
 
     Raises:
         ConfigError: there is no such class, or it is no sub-class of :class:`CurriculumConfig`.
     """
-    if TARGET in settings:
-        return class_named(str(settings[TARGET]), CurriculumConfig, f"curriculum.{TARGET}")
-    if settings.get("kind") is None and settings.get("name", NO_CURRICULUM) == NO_CURRICULUM:
+    if not any(settings.get(name) for name in NAMES_OF_CLASS) and settings.get("name", NO_CURRICULUM) == NO_CURRICULUM:
         extra = [key for key in settings if key not in ("name", *NAMES_OF_CLASS)]
         if extra:
             raise ConfigError(f"curriculum.{extra[0]}: there is no curriculum; choose one, such as curriculum=plr")
         return None
-    kind = settings.get("kind", settings.get("name"))
-    require_known("curriculum.kind", kind, CURRICULA)
-    return CURRICULA[kind]
+    return class_of(settings, CurriculumConfig, CURRICULA, settings.get("name"))

@@ -3,13 +3,13 @@
 import dataclasses
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from experiments.settings.algorithms import NAMES_OF_CLASS, algorithm_class
 from experiments.settings.checks import check_value, hints_of, path_of
-from experiments.settings.curricula import CurriculumConfig, curriculum_class
+from experiments.settings.curricula import curriculum_class
 from experiments.settings.errors import ConfigError
 from experiments.settings.own_code import add_module_path, without_files
 from experiments.settings.run import RunConfig
@@ -35,25 +35,20 @@ def run_config(data: Mapping[str, Any]) -> RunConfig:
     """
     add_module_path(one for one in data.get("module_path", ()) if isinstance(one, str))
     data = {key: without_files(value, key) if key in NAMING else value for key, value in data.items()}
-    settings = data.get("algorithm", {})
-    if not isinstance(settings, Mapping):
-        raise ConfigError(f"algorithm: {settings!r} is not a group of settings")
-    own = {key: value for key, value in settings.items() if key not in NAMES_OF_CLASS}
-    algorithm = construct(algorithm_class(settings), own, "algorithm")
-    curriculum = _curriculum(data.get("curriculum"))
+    algorithm = _of_class(data.get("algorithm", {}), "algorithm", algorithm_class)
+    stated = data.get("curriculum")
+    curriculum = None if stated is None else _of_class(stated, "curriculum", curriculum_class)
     rest = {key: value for key, value in data.items() if key not in ("algorithm", "curriculum")}
     return construct(RunConfig, rest, "", algorithm=algorithm, curriculum=curriculum)
 
 
-def _curriculum(settings: Any) -> CurriculumConfig | None:
-    """The curriculum that plain data states; None where it states none."""
-    if settings is None:
-        return None
+def _of_class(settings: Any, group: str, class_of: Callable[[Mapping[str, Any]], type[Any] | None]) -> Any:
+    """The settings of a group, of the class that they name; None where they name none."""
     if not isinstance(settings, Mapping):
-        raise ConfigError(f"curriculum: {settings!r} is not a group of settings")
-    cls = curriculum_class(settings)
+        raise ConfigError(f"{group}: {settings!r} is not a group of settings")
+    cls = class_of(settings)
     own = {key: value for key, value in settings.items() if key not in NAMES_OF_CLASS}
-    return None if cls is None else construct(cls, own, "curriculum")
+    return None if cls is None else construct(cls, own, group)
 
 
 def construct(cls: type[T], data: Mapping[str, Any], place: str, **ready: Any) -> T:

@@ -15,6 +15,7 @@ from typing import Annotated, Any, ClassVar
 
 from experiments.settings.algorithms import (
     ADDED_LATER,
+    KINDS,
     NAMES_OF_CLASS,
     AlgorithmConfig,
     PPOConfig,
@@ -36,7 +37,7 @@ from experiments.settings.checks import (
     require_known,
     that,
 )
-from experiments.settings.curricula import CurriculumConfig, named_curriculum
+from experiments.settings.curricula import CURRICULA, CurriculumConfig
 from experiments.settings.own_code import OBJECT_NAME, is_level_file, without_folder
 from experiments.settings.processor import multiplies_bf16
 from segar.levels import TASK_LEVELS, families, family
@@ -48,6 +49,7 @@ TRACKERS = ("mlflow", "none")
 DIFFICULTIES = ("easy", "medium", "hard")
 OWN_TASK = "levels"  # the task.name that means the task of the training levels
 FIRST_OF_STREAM = 100  # levels of an endless stream that agents are evaluated on
+NAMED: Mapping[type, Mapping[str, type]] = {AlgorithmConfig: KINDS, CurriculumConfig: CURRICULA}  # by their class
 DEFAULT_TASK = "puttputt"  # of levels that name none
 
 
@@ -303,9 +305,8 @@ def as_data(config: Any, without_later_defaults: bool = False) -> dict[str, Any]
                 for f in dataclasses.fields(value)
                 if not (without_later_defaults and ADDED_LATER in f.metadata and getattr(value, f.name) == f.default)
             }
-            if isinstance(value, CurriculumConfig):
-                return {**named_curriculum(type(value)), **content}
-            return {**named_class(type(value)), **content} if isinstance(value, AlgorithmConfig) else content
+            known = next((kinds for base, kinds in NAMED.items() if isinstance(value, base)), None)
+            return content if known is None else {**named_class(type(value), known), **content}
         if isinstance(value, Mapping):
             return {key: plain(v) for key, v in value.items()}
         return [plain(v) for v in value] if isinstance(value, tuple | list) else value
