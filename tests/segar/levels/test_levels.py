@@ -6,6 +6,8 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -300,6 +302,16 @@ def test_built_in_classes_are_found_by_name_beside_a_class_of_the_user_with_that
     assert segar.Charger in Levels.load(tmp_path / "x.npz").layout.types
 
 
+def described_anew(levels: Levels, change: Callable[[str], str], folder: Path) -> Path:
+    """A file of the levels with another text as its description."""
+    levels.save(folder / "x.npz")
+    with np.load(folder / "x.npz") as archive:
+        arrays = dict(archive)
+    text = change(arrays["metadata"].tobytes().decode())
+    np.savez(folder / "x.npz", **{**arrays, "metadata": np.frombuffer(text.encode(), dtype=np.uint8)})
+    return folder / "x.npz"
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -314,15 +326,14 @@ def test_built_in_classes_are_found_by_name_beside_a_class_of_the_user_with_that
     ],
 )
 def test_a_file_with_a_damaged_description_is_refused_with_what_to_do(change, message, tmp_path):
-    family("puttputt").sample(1).save(tmp_path / "x.npz")
-    with np.load(tmp_path / "x.npz") as archive:
-        arrays = dict(archive)
-    metadata = json.loads(arrays["metadata"].tobytes())
-    change(metadata)
-    arrays["metadata"] = np.frombuffer(json.dumps(metadata).encode(), dtype=np.uint8)
-    np.savez(tmp_path / "x.npz", **arrays)
+    def damaged(text: str) -> str:
+        metadata = json.loads(text)
+        change(metadata)
+        return json.dumps(metadata)
+
+    path = described_anew(family("puttputt").sample(1), damaged, tmp_path)
     with pytest.raises(LevelError, match=message):
-        Levels.load(tmp_path / "x.npz")
+        Levels.load(path)
 
 
 def test_a_file_that_is_not_there_is_named():
@@ -334,25 +345,15 @@ def test_an_unknown_entity_says_what_to_import(tmp_path):
     class Meteor(Object):
         label: Label = "meteor"
 
-    path = tmp_path / "x.npz"
-    Levels.from_entities([[Meteor()]]).save(path)
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    text = arrays["metadata"].tobytes().decode().replace("Meteor", "Meteorite")
-    arrays["metadata"] = np.frombuffer(text.encode(), dtype=np.uint8)
-    np.savez(path, **arrays)
+    levels = Levels.from_entities([[Meteor()]])
+    path = described_anew(levels, lambda text: text.replace("Meteor", "Meteorite"), tmp_path)
     with pytest.raises(LevelError, match=r"'Meteorite', which is not defined; import .*test_levels, .* 'Meteor'"):
         Levels.load(path)
 
 
 def test_an_entity_that_has_changed_since_is_refused(tmp_path):
-    path = tmp_path / "x.npz"
-    Levels.from_entities([[Marble()]]).save(path)
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    text = arrays["metadata"].tobytes().decode().replace('"name": "Mass"', '"name": "Weight"')
-    arrays["metadata"] = np.frombuffer(text.encode(), dtype=np.uint8)
-    np.savez(path, **arrays)
+    levels = Levels.from_entities([[Marble()]])
+    path = described_anew(levels, lambda text: text.replace('"name": "Mass"', '"name": "Weight"'), tmp_path)
     with pytest.raises(LevelError, match="have changed since it was written"):
         Levels.load(path)
 
