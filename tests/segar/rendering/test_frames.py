@@ -7,6 +7,7 @@ import pytest
 import segar
 from segar import Ball, Charge, Charger, GoalTile, GolfBall, Magnet, Mass, Mobile, Position, SandTile, Velocity
 from segar.language import Alive, Damper, Done, Heat, StoredEnergy, Visible
+from segar.observations import Colour
 from segar.rendering import View
 
 LEVEL = [
@@ -20,10 +21,11 @@ LEVEL = [
 ]
 
 
-@pytest.fixture(scope="module")
-def table():
-    """One environment with one of each kind, which is never stepped, so that nothing is compiled."""
-    return segar.envs.VectorEnv(segar.Levels.from_entities([LEVEL]), 1, render_mode="rgb_array", seed=0)
+def shown(**options) -> segar.envs.VectorEnv:
+    """One environment with one of each kind at its start; without a step, so that nothing is compiled."""
+    env = segar.envs.VectorEnv(segar.Levels.from_entities([LEVEL]), 1, render_mode="rgb_array", seed=0, **options)
+    env.reset()
+    return env
 
 
 def frame_of(env) -> np.ndarray:
@@ -38,9 +40,8 @@ def pixel_at(frame: np.ndarray, x: float, y: float, size: int = 512, walls: floa
     return tuple(frame[round(margin + (walls - y) * scale), round(margin + (x + walls) * scale)].tolist())
 
 
-def test_things_are_drawn_in_their_colours_where_they_are_with_y_upwards(table):
-    table.reset()
-    frame = frame_of(table)
+def test_things_are_drawn_in_their_colours_where_they_are_with_y_upwards():
+    frame = frame_of(shown())
     assert frame.shape == (544, 512, 3) and frame.dtype == np.uint8 and frame.flags["C_CONTIGUOUS"]
     assert pixel_at(frame, -0.5, 0.57) == (255, 255, 255)  # the golf ball, above its sign
     assert pixel_at(frame, 0.04, -0.44) == (255, 215, 0)  # the ball, beside its label
@@ -69,9 +70,7 @@ CHANGES = [
 @pytest.mark.parametrize(("entity", "factor", "value"), CHANGES, ids=[f"{e}-{f.__name__}" for e, f, _ in CHANGES])
 @pytest.mark.parametrize("labels", [True, False], ids=["with labels", "without"])
 def test_a_change_of_a_factor_can_be_seen(entity, factor, value, labels):
-    levels = segar.Levels.from_entities([LEVEL])
-    env = segar.envs.VectorEnv(levels, 1, render_mode="rgb_array", view=View(labels=labels, line=False), seed=0)
-    env.reset()
+    env = shown(view=View(labels=labels, line=False))
     before = frame_of(env)
     env.intervene(entity, factor, value)
     differing = int((frame_of(env) != before).any(axis=2).sum())
@@ -82,17 +81,8 @@ def test_a_change_of_a_factor_can_be_seen(entity, factor, value, labels):
 
 
 def test_labels_fields_and_the_line_can_be_left_out():
-    levels = segar.Levels.from_entities([LEVEL])
-    frames = {}
-    for name, view in {
-        "all": View(),
-        "labels": View(labels=False),
-        "fields": View(fields=False),
-        "line": View(line=False),
-    }.items():
-        env = segar.envs.VectorEnv(levels, 1, render_mode="rgb_array", view=view, seed=0)
-        env.reset()
-        frames[name] = frame_of(env)
+    frames = {name: frame_of(shown(view=View(**{name: False}))) for name in ("labels", "fields", "line")}
+    frames["all"] = frame_of(shown())
     assert frames["line"].shape == (512, 512, 3)
     assert (frames["line"] == frames["all"][:512]).all()
     for name in ("labels", "fields"):
@@ -101,10 +91,7 @@ def test_labels_fields_and_the_line_can_be_left_out():
 
 @pytest.mark.parametrize("size", [64, 128, 512, 1024])
 def test_the_size_can_be_chosen(size):
-    levels = segar.Levels.from_entities([LEVEL])
-    env = segar.envs.VectorEnv(levels, 1, render_mode="rgb_array", view=View(size=size), seed=0)
-    env.reset()
-    frame = frame_of(env)
+    frame = frame_of(shown(view=View(size=size)))
     assert frame.shape == View(size=size).shape and frame.shape[0] % 2 == 0
     # What stands still has its colour in small pictures, too: its outline is one pixel, not a filled disc.
     damper = pixel_at(frame, 0.0, 0.14 if size > 64 else 0.1, size)
@@ -124,14 +111,9 @@ def test_worlds_of_other_walls_are_shown_from_wall_to_wall():
     assert pixel_at(frame_of(env), -1.5, 1.57, walls=2.0) == (255, 255, 255)
 
 
-def test_colours_can_be_chosen(table):
-    from segar.observations.pixels.solid_colours import Colour
-
-    levels = segar.Levels.from_entities([LEVEL])
+def test_colours_can_be_chosen():
     view = View(colours={Ball: Colour((1, 2, 3))}, labels=False)
-    env = segar.envs.VectorEnv(levels, 1, render_mode="rgb_array", view=view, seed=0)
-    env.reset()
-    assert pixel_at(frame_of(env), 0.0, -0.5) == (1, 2, 3)
+    assert pixel_at(frame_of(shown(view=view)), 0.0, -0.5) == (1, 2, 3)
 
 
 def test_a_frame_follows_from_the_state_alone():
