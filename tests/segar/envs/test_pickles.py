@@ -179,7 +179,7 @@ def test_rules_and_relations_of_a_module_are_themselves_again(way):
 
 
 @WAYS
-def test_worlds_and_tasks_of_closures_behave_as_they_did(way):
+def test_worlds_and_tasks_of_closures_behave_as_they_did(way, plain_source):
     world, task = of_closures(1.5)
     levels = DISTRIBUTION.sample(5, seed=0)
     env = VectorEnv(levels, 3, world=world, task=task, seed=1, max_steps=9)

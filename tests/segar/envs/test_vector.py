@@ -17,12 +17,13 @@ STEPS = 120
 
 def roll(env: VectorEnv, steps: int = STEPS, rows: int | None = None) -> list[np.ndarray]:
     """Observations, rewards and ends of a rollout whose action for environment e does not depend on the batch."""
-    trail = [env.reset(seed=5)[0]]
+    trail = [env.reset(seed=5)[0][:rows].copy()]
     for step in range(steps):
         actions = np.stack([np.random.default_rng((step, e)).uniform(-1, 1, 2) for e in range(env.num_envs)])
         observations, reward, terminated, truncated, info = env.step(actions.astype(np.float32))
-        trail += [observations, reward, terminated, truncated, info["level"], info["return"]]
-    return [a[:rows] for a in trail]
+        found = (observations, reward, terminated, truncated, info["level"], info["return"])
+        trail += [array[:rows].copy() for array in found]  # a view would keep the batch
+    return trail
 
 
 def same(a: list[np.ndarray], b: list[np.ndarray]) -> bool:
@@ -162,7 +163,7 @@ def test_arrays_of_an_earlier_step_are_not_overwritten() -> None:
     assert same(kept, copies)
 
 
-def test_levels_with_rules_of_their_own_never_run_on_the_default_ones(tmp_path) -> None:
+def test_levels_with_rules_of_their_own_never_run_on_the_default_ones(tmp_path, plain_source) -> None:
     rules = (segar.move, segar.rules.accelerate)
     levels = segar.family("empty-hard").with_rules(rules).sample(3, seed=0)
     levels.save(tmp_path / "levels.npz")
