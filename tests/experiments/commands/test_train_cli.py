@@ -78,7 +78,7 @@ def test_a_sweep_with_wrong_runs_finishes_the_others_and_names_all(tmp_path, els
     ("module", "arguments"),
     [
         ("train", ["--help"]),
-        ("train", [*TINY, "tracking=none"]),
+        pytest.param("train", [*TINY, "tracking=none"], marks=pytest.mark.slow),
         ("results", ["--help"]),
         ("study", ["--help"]),
         ("reproduce", ["--help"]),

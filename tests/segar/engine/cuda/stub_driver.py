@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.segar.engine.targets.ptx_machine import PTXMachine
+from tests.segar.engine.targets.ptx_machine import PTXMachine, machine_of
 
 NAMES = {2: "CUDA_ERROR_OUT_OF_MEMORY", 100: "CUDA_ERROR_NO_DEVICE", 218: "CUDA_ERROR_INVALID_PTX",
          222: "CUDA_ERROR_UNSUPPORTED_PTX_VERSION", 500: "CUDA_ERROR_NOT_FOUND"}  # fmt: skip
@@ -85,7 +85,7 @@ class StubDriver:
             assert count.value == 2 and log[6] > len(message)
             ctypes.memmove(log[5], message, len(message))
             return 218
-        self.machines.append(PTXMachine(text))
+        self.machines.append(machine_of(text))
         out._obj.value = len(self.machines)
         return 0
 

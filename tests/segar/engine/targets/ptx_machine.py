@@ -9,6 +9,7 @@ import ctypes
 import platform
 import re
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -63,6 +64,12 @@ class PTXMachine:
         run = ctypes.CFUNCTYPE(None, *[ctypes.c_uint64] * 4)(self._engine.get_function_address(f"run {name}"))
         own = np.full(max(self._local[name], 1) + 16, UNWRITTEN, np.uint8)
         run(blocks, threads, words.ctypes.data, -(-own.ctypes.data // 16) * 16)
+
+
+@cache
+def machine_of(text: str) -> PTXMachine:
+    """The machine of a text, which is translated once: it keeps nothing between launches."""
+    return PTXMachine(text)
 
 
 def word_of(value: Any) -> int:
