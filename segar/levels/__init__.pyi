@@ -20,7 +20,6 @@ from .mixing import (
     RESERVED_GROUPS as RESERVED_GROUPS,
     REST as REST,
     SEPARATOR as SEPARATOR,
-    Groups as Groups,
     check_fits as check_fits,
     mixed_levels as mixed_levels,
     places as places,

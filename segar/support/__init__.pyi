@@ -46,10 +46,8 @@ from .json_forms import (
 )
 from .npz import (
     DAMAGE as DAMAGE,
-    LIMIT_VARIABLE as LIMIT_VARIABLE,
     Form as Form,
     check_size as check_size,
-    file_limit as file_limit,
     first_line as first_line,
     open_npz as open_npz,
 )

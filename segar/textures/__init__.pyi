@@ -1,10 +1,7 @@
 from .filter_bank import FilterBank
 from .filter_clusters import (
     FilterClusters as FilterClusters,
-    aligned as aligned,
     cluster_costs as cluster_costs,
-    cluster_filters as cluster_filters,
-    filter_patterns as filter_patterns,
     filter_textures,
 )
 from .inputs import (
@@ -19,15 +16,13 @@ from .measures import (
     KINDS as KINDS,
     linear_read_out,
     look_distances as look_distances,
-    looks as looks,
 )
 from .standard import (
     INPUTS as INPUTS,
     UNIFORM as UNIFORM,
     Laws as Laws,
     product_of_marginals as product_of_marginals,
-    units as units,
 )
-from .texture_sets import DATA as DATA, TextureSet, shipped_sets as shipped_sets
+from .texture_sets import TextureSet, shipped_sets as shipped_sets
 
 __all__ = ["FilterBank", "TextureSet", "filter_textures", "linear_read_out"]
