@@ -82,8 +82,9 @@ def trained_in_gusts(tmp_path_factory):
     return run(short_run(tmp_path_factory.mktemp("gusty") / "run", levels=levels), lambda line: None).folder
 
 
-@pytest.mark.parametrize("portable", [False, True], ids=["torch", "portable"])
-@pytest.mark.parametrize("levels", ["test", "train", "tests.experiments.evaluation.gusty:WINDY"])
+@pytest.mark.parametrize(
+    ("levels", "portable"), [("test", True), ("train", False), ("tests.experiments.evaluation.gusty:WINDY", False)]
+)
 def test_where_rules_draw_deterministic_actions_are_repeated_like_sampled_ones(levels, portable, trained_in_gusts):
     config = EvaluateConfig(str(trained_in_gusts), levels, n=2, episodes=4, portable=portable, **QUICK)
     found = evaluate(config, lambda line: None)

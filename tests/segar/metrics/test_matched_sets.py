@@ -14,8 +14,15 @@ def measured(levels, test):
     return np.array([w2(levels, test), coverage(levels, test).radius, effective_number(levels)])
 
 
-@pytest.mark.parametrize("family", ["empty-medium", "objectsx1-medium", "hazardtilesx1-medium"])
-@pytest.mark.parametrize("wanted", [(0, 0, 0), (3, 0, 0), (0, 3, -2), (3, 3, -2)])
+@pytest.mark.parametrize(
+    ("family", "wanted"),
+    [
+        ("empty-medium", (0, 0, 0)),
+        ("empty-medium", (3, 3, -2)),
+        ("objectsx1-medium", (3, 0, 0)),
+        ("hazardtilesx1-medium", (0, 3, -2)),
+    ],
+)
 def test_sets_are_as_far_from_independent_ones_as_wanted(family, wanted):
     dist = segar.family(family)
     test = dist.sample(TEST_LEVELS, seed=0, split="test")
