@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import Evidence
+from analysis.report.claims.statements import METRICS
 from analysis.report.results import ETA, MEMORY, Results, less_partner
 from analysis.report.rules import WHOLE
 from analysis.studies.w2 import TEST_LEVELS
@@ -15,8 +15,7 @@ from analysis.tables import column, count_of, keep, pick, select
 CONTROL = "nuisance_only"  # a design that is one level many times
 PAPER_AGENT = "paper_agent"
 # The accuracy of the critic as in 2022, and with its marginal, its alignment and its held-out pairs put right.
-PROBES = {METRIC_2022: "paper", METRIC_OURS: "jsd"}
-GAPS = {METRIC_2022: "gap_2022", METRIC_OURS: "gap"}
+PROBES, GAPS = ({settings: of[name] for settings, of in METRICS.items()} for name in ("probe", "gap"))
 LEVELS = ("train", "test")
 ACCURACIES = ("accuracy_train", "accuracy_test")
 PPO, AS_MANY_STEPS, SAC = "PPO", "as many steps", "SAC"

@@ -9,11 +9,13 @@ import pandas as pd
 
 from analysis.report.claims.evidence import GIVEN_CELL, Evidence
 from analysis.report.claims.rows import LEVELS, PROBES, accuracies
+from analysis.report.claims.statements import STATEMENTS
 from analysis.report.claims.verdicts import is_known, is_significant
 from analysis.report.results import LESS_REGRET
 from analysis.report.rules import MARGINS
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, keep, select
+from experiments.reproduction.experiment_file import SIGNS
 
 SHARE = 0.8  # of the specifications that must agree
 # Each choice in words, with the column that stands for it; a column that the tables do not have is left out.
@@ -25,7 +27,7 @@ DISTANCES = {
     "W2 of 2022": "w2_reference",
 }
 OUTCOMES = {"return": "gap", "success": "gap_success", "regret": LESS_REGRET}
-SIGNS: Mapping[str, int] = {"3a-n": -1, "3a-cell": -1, "4b-none": 0}  # of the claims that have specifications
+CLAIMS = ("3a-n", "3a-cell", "4b-none")  # that have specifications
 
 
 @lru_cache(maxsize=1)
@@ -98,9 +100,10 @@ def in_words(table: pd.DataFrame, claim: str) -> str:
 def survives(table: pd.DataFrame, claim: str) -> bool:
     """Whether the specifications of a claim agree with it, by the rules; a claim without any is not held back."""
     rows = select(table, claim=claim).to_dict("records") if len(table) else []
-    if claim not in SIGNS or not rows:
+    if claim not in CLAIMS or not rows:
         return True
-    found, sign = [Estimate.of_row({str(k): v for k, v in row.items()}) for row in rows], SIGNS[claim]
+    found = [Estimate.of_row({str(k): v for k, v in row.items()}) for row in rows]
+    sign = SIGNS[STATEMENTS["claims"][claim]["tests"][0]["expected"]]
     if sign:
         one_way = all(one.estimate * sign > 0 for one in found)
         return one_way and float(np.mean([is_significant(one) for one in found])) >= SHARE
