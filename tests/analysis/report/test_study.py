@@ -12,7 +12,7 @@ import yaml
 
 import segar
 from analysis.collect import collect_tables
-from analysis.report.make import report_results
+from analysis.report.make import ReportConfig, make_report, report_results
 from analysis.report.study import claim_of, claim_or_reason, read_study
 from analysis.report.study.figures import in_rounds, of_all_runs, success
 from analysis.stats.estimate import Estimate
@@ -117,6 +117,14 @@ def test_the_same_tables_give_the_same_report(folder, tmp_path):
     first = (folder / "report.html").read_bytes()
     report_results(folder)
     assert (folder / "report.html").read_bytes() == first
+
+
+def test_one_figure_alone_is_drawn_of_a_study_too(folder, tmp_path):
+    made_alone = make_report(ReportConfig(str(folder), out=str(tmp_path), only=("gap",)))
+    assert {path.name for path in tmp_path.rglob("*.*")} == {"gap.svg", "gap.png", "gap.csv"}
+    assert {path.name for path in made_alone.files} == {"gap.svg", "gap.png", "gap.csv"}
+    with pytest.raises(ConfigError, match="only: 'gaps' is unknown"):
+        make_report(ReportConfig(str(folder), out=str(tmp_path), only=("gaps",)))
 
 
 def test_kinds_of_agents_and_blocks_are_those_of_the_study(folder):
