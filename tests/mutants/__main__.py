@@ -11,10 +11,12 @@ import csv
 import os
 import random
 import re
+import signal
 import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -167,20 +169,12 @@ def place_in(tree: Path, mutant: Mutant) -> tuple[Path, int] | None:
 def run(tree: Path, mutants: Sequence[Mutant], out: Path, limit: float) -> None:
     """The outcome of each change, added to the table ``out`` as soon as it is known."""
     known = {int(row["number"]) for row in _rows(out)}
-    failing: dict[str, list[str]] = {}
+    failing: set[str] = set()  # tests that fail without any change, too
     for mutant in mutants:
         if mutant.number in known:
             continue
         place = place_in(tree, mutant)
-        if place is None:
-            outcome, by = "gone", ""
-        else:
-            if mutant.room not in failing:
-                status, printed = _test(tree, _tests(tree, mutant), None)
-                if status not in (0, 1):
-                    raise SystemExit(f"the tests of {mutant.room} do not run:\n{printed}")
-                failing[mutant.room] = _failures(printed)
-            outcome, by = _outcome(tree, mutant, *place, failing[mutant.room], limit)
+        outcome, by = ("gone", "") if place is None else _outcome(tree, mutant, *place, failing, limit)
         new = not out.exists()
         with out.open("a", newline="") as stream:
             table = csv.DictWriter(stream, [*(field.name for field in fields(Mutant)), "outcome", "by"])
@@ -193,21 +187,36 @@ def run(tree: Path, mutants: Sequence[Mutant], out: Path, limit: float) -> None:
     print(f"{found} of {found + counts['survived']} changes were noticed; {counts['gone']} lines are gone")
 
 
-def _outcome(tree: Path, mutant: Mutant, path: Path, at: int, failing: Sequence[str], limit: float) -> tuple[str, str]:
-    """``killed`` and the test that failed first, ``too long``, or ``survived``."""
+def _outcome(tree: Path, mutant: Mutant, path: Path, at: int, failing: set[str], limit: float) -> tuple[str, str]:
+    """``killed`` and the test that fails with the change alone, ``too long``, or ``survived``."""
+    while True:
+        options = ["-x", *(f"--deselect={one}" for one in sorted(failing))]
+        with _changed(path, at, mutant):
+            status, printed = _test(tree, [*options, *_tests(tree, mutant)], limit)
+        if status is None:
+            return "too long", ""
+        if status == 0:
+            return "survived", ""
+        by = next(iter(_failures(printed)), "")
+        if not by:
+            return "killed", f"exit status {status}"
+        if _test(tree, [by], None)[0] == 0:
+            return "killed", by
+        failing.add(by)
+
+
+@contextmanager
+def _changed(path: Path, at: int, mutant: Mutant) -> Iterator[None]:
+    """A file with the change, until the block ends."""
     content, times = path.read_text(), path.stat()
     lines = content.splitlines(keepends=True)
     lines[at] = lines[at].replace(mutant.before, mutant.after)
     try:
         path.write_text("".join(lines))
-        options = ["-x", *(f"--deselect={one}" for one in failing)]
-        status, printed = _test(tree, [*options, *_tests(tree, mutant)], limit)
+        yield
     finally:
         path.write_text(content)
         os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # what was compiled of it is good again
-    if status is None:
-        return "too long", ""
-    return ("survived", "") if status == 0 else ("killed", next(iter(_failures(printed)), f"exit status {status}"))
 
 
 def _tests(tree: Path, mutant: Mutant) -> list[str]:
@@ -251,6 +260,7 @@ def main() -> None:
     parser.add_argument("what", choices=["draw", "run"])
     parser.add_argument("--tree", type=Path, default=ROOT, help="the checkout; this one by default")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "mutants.csv", help="the table of outcomes")
+    parser.add_argument("--room", choices=TESTS, help="change this room alone; all by default")
     parser.add_argument("--limit", type=float, default=1800, help="seconds for the tests of one change")
     asked = parser.parse_args()
     if asked.what == "draw":
@@ -260,8 +270,10 @@ def main() -> None:
             table.writerows(asdict(mutant) for mutant in draw(asked.tree.resolve(), COUNT, SEED))
         return
     mutants = [Mutant(**row | {"number": int(row["number"]), "nth": int(row["nth"])}) for row in _rows(DRAWN)]
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # no change is left behind
     asked.out.parent.mkdir(parents=True, exist_ok=True)
-    run(asked.tree.resolve(), mutants, asked.out, asked.limit)
+    chosen = [mutant for mutant in mutants if asked.room in (None, mutant.room)]
+    run(asked.tree.resolve(), chosen, asked.out, asked.limit)
 
 
 if __name__ == "__main__":
