@@ -354,7 +354,7 @@ def test_the_plot_of_runs_of_different_code_has_the_warning_of_the_table(tmp_pat
     runs = from_a_file(tmp_path, (0, 1, 2), count=1)
     assert "different code" not in gap_plot(runs, x="ks").axes[0].get_title(loc="left")
     edited = Path(runs["folder"].iloc[1])
-    write_json(edited / VERSIONS, {**read_versions(edited), "code": "f" * 16})
+    write_json(edited / VERSIONS, {**read_versions(edited), "code": {"kernel": "f" * 16}})
     said = " ".join(gap_plot(runs, x="ks").axes[0].get_title(loc="left").split())
     warning = code_warning(run_rows([tmp_path / "runs"]))
     assert warning.startswith("warning: these runs were made by different code") and warning in said
