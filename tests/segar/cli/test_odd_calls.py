@@ -72,16 +72,14 @@ record nope -o d                             | nope
 record empty-easy -o x.mp3                   | x.mp3
 record empty-easy -o x.npz                   | x.npz
 record empty-easy -o file/below              | file/below
-record empty-easy -o folder                  | other.txt
+record empty-easy -o folder                  | folder
+record empty-easy -o ../x-v0                 | ../x-v0
 record empty-easy -o /dev/full               | /dev/full
 record empty-easy -o d --episodes 0          | '0'
-record empty-easy -o d --shard 0             | '0'
+record empty-easy -o d --batch 0             | '0'
 record empty-easy -o d --policy nope         | nope
 record empty-easy -o d --observation nope    | nope
 record empty-easy -o d --task nope           | nope
-record empty-easy -o d --minari bad          | bad
-record empty-easy -o d --minari ../x-v0      | ../x-v0
-record empty-easy -o x.mp4 --minari a-v0     | --minari
 record empty-easy -o x.mp4 --check           | --check
 record empty-easy -o x.mp4 --size 65         | 65
 queries                                      | command
@@ -183,7 +181,9 @@ def test_an_odd_call_ends_with_one_line_that_names_the_culprit(place, capsys, ar
     ],
     ids=["Ctrl-C", "memory", "disk"],
 )
-@pytest.mark.parametrize("command", ["compile empty-easy", "record empty-easy -o d --observation state --episodes 1"])
+@pytest.mark.parametrize(
+    "command", ["compile empty-easy", "record empty-easy -o odd/call-v0 --observation state --episodes 1"]
+)
 def test_what_the_machine_or_the_user_refuses_is_one_line(place, capsys, monkeypatch, command, raised, status, said):
     def refuse(*arguments, **options):
         raise raised
@@ -192,8 +192,3 @@ def test_what_the_machine_or_the_user_refuses_is_one_line(place, capsys, monkeyp
     monkeypatch.setattr("segar.envs.vector.VectorEnv.reset", refuse)
     assert outcome(shlex.split(command)) == status
     assert capsys.readouterr().err.startswith(said)
-
-
-def test_a_folder_may_have_a_name_like_a_file_where_that_is_said(place, capsys):
-    assert outcome(shlex.split("record empty-easy -n 1 -o x.mp3/ --episodes 1 --observation state")) == 0
-    assert Path("x.mp3/manifest.json").is_file()
