@@ -34,7 +34,9 @@ def test_the_wheel_ships_segar_alone(wheel):
 
 
 def test_the_wheel_ships_every_module_of_segar(wheel):
-    sources = {path.relative_to(ROOT).as_posix() for path in (ROOT / "segar").rglob("*.py*") if path.suffix != ".pyc"}
+    sources = {
+        path.relative_to(ROOT).as_posix() for path in (ROOT / "segar").rglob("*.py*") if path.suffix in (".py", ".pyi")
+    }
     assert sources <= set(wheel.namelist())
 
 
