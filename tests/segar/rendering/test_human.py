@@ -68,7 +68,7 @@ def test_an_environment_goes_on_when_somebody_closes_its_window_and_others_stay_
     one, other = (segar.envs.Env(LEVELS, render_mode="human", view=View(size=64), seed=0) for _ in range(2))
     one.reset()
     other.reset()
-    windows = [env._episodes.camera._window for env in (one, other)]
+    windows = [env._camera._window for env in (one, other)]
     pygame.event.post(pygame.event.Event(pygame.WINDOWCLOSE, window=windows[0]._window))
     for _ in range(2):  # whoever looks first leaves the event to whom it concerns
         other.step(np.zeros(2, np.float32))

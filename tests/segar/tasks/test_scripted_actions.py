@@ -54,17 +54,18 @@ def test_the_players_of_built_in_tasks_take_batches_and_single_environments(name
     np.testing.assert_array_equal(single, env.task.demo_actions(info["factors"]))
 
 
-def test_all_callers_give_a_batch(tmp_path, capsys):
+def test_all_callers_give_a_batch(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
     found = hardness(LEVELS, mine, rng=np.random.default_rng(0), plays=1, samples=8, iterations=1)
     assert found.scripted is not None and found.scripted.solved.all()
     command = f"record empty-easy -n 1 --policy script --task {__name__}:mine --episodes 1 --size 64"
-    for place in ("film.gif", "data"):
-        assert cli.main([*command.split(), "-o", str(tmp_path / place)]) == 0, capsys.readouterr().err
+    for place in (str(tmp_path / "film.gif"), "script/own-v0"):
+        assert cli.main([*command.split(), "-o", place]) == 0, capsys.readouterr().err
 
 
 def test_actions_of_another_shape_are_refused_with_the_one_that_is_wanted():
     _, info = VectorEnv(LEVELS, 3, task=task(unbatched), seed=0).reset()
     with pytest.raises(SegarError, match=r"task mine: demo_actions must return .* of shape \(3, 2\), not \(2,\)"):
         task(unbatched).scripted_actions(info["factors"])
-    with pytest.raises(SegarError, match="task mine has no scripted player; Give the task demo_actions="):
+    with pytest.raises(SegarError, match=r"task mine has no scripted player\. Give the task demo_actions="):
         task(None).scripted_actions(info["factors"])
