@@ -304,7 +304,9 @@ def test_a_module_that_is_not_found_is_told_with_the_folders_that_were_searched(
     with pytest.raises(ConfigError) as told:
         evaluate(EvaluateConfig(str(folder), **QUICK))
     says = str(told.value)
-    assert says.startswith("run: its settings name moved_lab.levels, which cannot be imported")
+    assert says.startswith(
+        "run: its settings name moved_lab.levels, which cannot be imported: No module named 'moved_lab'."
+    )
     assert f"{lab.parent} (which is no longer there)" in says and "among installed packages" in says
     assert says.endswith("which folder holds moved_lab, PYTHONPATH=FOLDER")
 
