@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Annotated, Any
 
 from experiments.levels.variations import VARIATIONS
@@ -104,9 +104,10 @@ def check_variation(place: str, name: str) -> None:
         require_known(place, name, VARIATIONS)
 
 
-def about(text: str) -> dict[str, str]:
-    """What ``--help`` and the schema of files say of a key."""
-    return {"description": text}
+def entry(about: str, default: Any = MISSING) -> Any:
+    """A key of a file, of which ``--help`` and the schema of files say what it is about; required where it has no default."""
+    given: dict[str, Any] = {"default_factory": dict} if default == {} else {"default": default}
+    return field(**given, metadata={"description": about})
 
 
 # Settings that a grid varies by a name of its own.
@@ -205,52 +206,38 @@ VariationNames = Annotated[tuple[VariationName, ...], NOT_EMPTY, EACH_ONCE]
 class GridConfig:
     """Runs: every combination. What is left out, or is empty in what differs at a scale, is as the scale has it."""
 
-    families: Annotated[tuple[Family, ...], EACH_ONCE] = field(
-        default=(), metadata=about("of several difficulties; or single distributions")
+    families: Annotated[tuple[Family, ...], EACH_ONCE] = entry("of several difficulties; or single distributions", ())
+    difficulties: Annotated[tuple[Difficulty, ...], EACH_ONCE] = entry("of the families that have several", ())
+    counts: Annotated[tuple[LevelCount, ...], EACH_ONCE] = entry("numbers of training levels", ())
+    seeds: Count | None = entry(
+        "how many agents of each kind, from `seed` upwards, each with a level set of its own", None
     )
-    difficulties: Annotated[tuple[Difficulty, ...], EACH_ONCE] = field(
-        default=(), metadata=about("of the families that have several")
+    nested: bool = entry(
+        "level sets of a seed contain each other; false: each number of levels has seeds of its own", True
     )
-    counts: Annotated[tuple[LevelCount, ...], EACH_ONCE] = field(
-        default=(), metadata=about("numbers of training levels")
+    level_sets: Count | None = entry("how many level sets instead, each with as many agents as there are seeds", None)
+    frames: Count | None = entry("of each run", None)
+    algorithms: Names = entry("choices of the group algorithm", (BASE,))
+    observations: Names = entry("choices of the group observation", (BASE,))
+    tasks: Names = entry("choices of the group task", (BASE,))
+    designs: Annotated[tuple[Design, ...], NOT_EMPTY, EACH_ONCE] = entry("how training levels are picked", ("iid",))
+    variations: VariationNames = entry("names in experiments.levels.variations", ("",))
+    interval: CountFrom0 | None = entry(
+        "frames between evaluations on the test levels; None: as the scale has it", None
     )
-    seeds: Count | None = field(
-        default=None,
-        metadata=about("how many agents of each kind, from `seed` upwards, each with a level set of its own"),
-    )
-    nested: bool = field(
-        default=True,
-        metadata=about("level sets of a seed contain each other; false: each number of levels has seeds of its own"),
-    )
-    level_sets: Count | None = field(
-        default=None, metadata=about("how many level sets instead, each with as many agents as there are seeds")
-    )
-    frames: Count | None = field(default=None, metadata=about("of each run"))
-    algorithms: Names = field(default=(BASE,), metadata=about("choices of the group algorithm"))
-    observations: Names = field(default=(BASE,), metadata=about("choices of the group observation"))
-    tasks: Names = field(default=(BASE,), metadata=about("choices of the group task"))
-    designs: Annotated[tuple[Design, ...], NOT_EMPTY, EACH_ONCE] = field(
-        default=("iid",), metadata=about("how training levels are picked")
-    )
-    variations: VariationNames = field(default=("",), metadata=about("names in experiments.levels.variations"))
-    interval: CountFrom0 | None = field(
-        default=None, metadata=about("frames between evaluations on the test levels; None: as the scale has it")
-    )
-    vary: Annotated[Mapping[str, Any], check_vary] = field(
-        default_factory=dict, metadata=about("other settings: name to values")
-    )
+    vary: Annotated[Mapping[str, Any], check_vary] = entry("other settings: name to values", {})
 
 
 @dataclass(frozen=True)
 class TransferConfig:
     """Other test levels, or another look of them, for agents that are trained already. None: as in training."""
 
-    family: Family | None = field(default=None, metadata=about("or a distribution; None: as in training"))
-    difficulty: Annotated[str, one_of(*DIFFICULTIES, *STEPS)] | None = field(
-        default=None, metadata=about("agents without a harder one are left out")
+    family: Family | None = entry("or a distribution; None: as in training", None)
+    difficulty: Annotated[str, one_of(*DIFFICULTIES, *STEPS)] | None = entry(
+        "agents without a harder one are left out", None
     )
-    variation: VariationName | None = field(default=None, metadata=about("of the levels"))
-    observation: str | None = field(default=None, metadata=about("a choice of the group observation"))
+    variation: VariationName | None = entry("of the levels", None)
+    observation: str | None = entry("a choice of the group observation", None)
 
 
 Transfers = Annotated[tuple[TransferConfig, ...], check_transfers]
@@ -269,34 +256,21 @@ class ClaimConfig:
     compares panels, because it is over several, and nothing that is given tells them apart.
     """
 
-    says: str = field(metadata=about("the statement"))
-    test: Test = field(
-        metadata=about("correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate")
+    says: str = entry("the statement")
+    test: Test = entry("correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate")
+    expected: Annotated[str, one_of(*SIGNS)] = entry(
+        "negative or positive, which is the sign; none: that there is no effect"
     )
-    expected: Annotated[str, one_of(*SIGNS)] = field(
-        metadata=about("negative or positive, which is the sign; none: that there is no effect")
+    of: Column = entry(
+        "a column of the table of runs, such as gap, success_test, eta_test, w2, results/NAME_test", "gap"
     )
-    of: Column = field(
-        default="gap",
-        metadata=about("a column of the table of runs, such as gap, success_test, eta_test, w2, results/NAME_test"),
-    )
-    against: Column = field(
-        default="w2", metadata=about("of a correlation; w2 is exact W2, of several pairs of distributions in one unit")
-    )
-    given: Annotated[tuple[str, ...], check_columns] = field(
-        default=(), metadata=about("of a correlation: panel, log_n, cell, or columns")
-    )
-    between: Between = field(default_factory=dict, metadata=about("of a difference: column to two values"))
-    where: Annotated[Mapping[str, Any], check_columns] = field(
-        default_factory=dict, metadata=about("only the runs with these values")
-    )
-    tested_on: str = field(
-        default="",
-        metadata=about("the label of a transfer, whose levels are meant instead of the run's own test levels"),
-    )
-    margin: PositiveOrNull = field(
-        default=None,
-        metadata=about("a smaller effect does not matter; null: 0.3 of an r, else 0.2 standard deviations"),
+    against: Column = entry("of a correlation; w2 is exact W2, of several pairs of distributions in one unit", "w2")
+    given: Annotated[tuple[str, ...], check_columns] = entry("of a correlation: panel, log_n, cell, or columns", ())
+    between: Between = entry("of a difference: column to two values", {})
+    where: Annotated[Mapping[str, Any], check_columns] = entry("only the runs with these values", {})
+    tested_on: str = entry("the label of a transfer, whose levels are meant instead of the run's own test levels", "")
+    margin: PositiveOrNull = entry(
+        "a smaller effect does not matter; null: 0.3 of an r, else 0.2 standard deviations", None
     )
 
     def __post_init__(self) -> None:
@@ -311,27 +285,16 @@ class ClaimConfig:
 class ExperimentConfig:
     """What one file of ``conf/experiment/`` says."""
 
-    title: str = field(metadata=about("what the experiment is about"))
-    figure: str = field(default="", metadata=about("of the paper"))
-    grid: Mapping[str, Any] = field(default_factory=dict, metadata=about("of GridConfig; empty: nothing is trained"))
-    transfers: Transfers = field(
-        default=(), metadata=about("other levels, or looks, that the trained agents are tested on")
-    )
-    attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = field(
-        default_factory=dict, metadata=about("groups of factors")
-    )
-    probes: bool = field(
-        default=False,
-        metadata=about("ask what the agents' representations know of the factors, as probes.<scale> says"),
-    )
-    claims: Annotated[Mapping[str, Any], check_claims] = field(
-        default_factory=dict, metadata=about("name to ClaimConfig")
-    )
-    study: str = field(default="", metadata=about("needs no training: a plug-in, see experiments.reproduction.plugin"))
-    options: Mapping[str, Any] = field(default_factory=dict, metadata=about("of the study, by name"))
-    scales: Mapping[str, Any] = field(
-        default_factory=dict, metadata=about("what differs there, of the grid and of Others; none: all")
-    )
+    title: str = entry("what the experiment is about")
+    figure: str = entry("of the paper", "")
+    grid: Mapping[str, Any] = entry("of GridConfig; empty: nothing is trained", {})
+    transfers: Transfers = entry("other levels, or looks, that the trained agents are tested on", ())
+    attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = entry("groups of factors", {})
+    probes: bool = entry("ask what the agents' representations know of the factors, as probes.<scale> says", False)
+    claims: Annotated[Mapping[str, Any], check_claims] = entry("name to ClaimConfig", {})
+    study: str = entry("needs no training: a plug-in, see experiments.reproduction.plugin", "")
+    options: Mapping[str, Any] = entry("of the study, by name", {})
+    scales: Mapping[str, Any] = entry("what differs there, of the grid and of Others; none: all", {})
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import dataclasses
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from experiments.reproduction.experiment_file import (
     GridConfig,
     Others,
     TransferConfig,
-    about,
+    entry,
     experiment_at,
 )
 from experiments.settings import ConfigError, add_module_path, construct, flat, read_yaml, require, without_files
@@ -33,9 +33,7 @@ ALWAYS_OF_GRID, ONLY_HERE = ("families", "counts", "level_sets", "designs", "var
 class StudyConfig(ExperimentConfig):
     """What a study's file says."""
 
-    settings: Mapping[str, Any] = field(
-        default_factory=dict, metadata=about("of all runs: choices of groups, and any by dotted names")
-    )
+    settings: Mapping[str, Any] = entry("of all runs: choices of groups, and any by dotted names", {})
 
 
 @dataclass(frozen=True)

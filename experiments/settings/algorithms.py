@@ -112,7 +112,7 @@ class PPOConfig(AlgorithmConfig):
     )  # collect the next rollout, with the present weights, while learning from this one
     compile: bool = added_later(False)  # the loss, by torch.compile; on a GPU it is replayed as CUDA graphs
     # Where environments run: cpu, or cuda, which is the GPU of ``device``.
-    env_device: EnvDevice = added_later("cpu")  # noqa: RUF009 - a field
+    env_device: EnvDevice = added_later("cpu")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -278,7 +278,7 @@ class OffPolicyConfig(AlgorithmConfig):
     reward_scale: Positive = 1.0  # times this
     device: str = "cpu"  # where networks and replay live: cpu, cuda, cuda:1
     # Where environments run: cpu, or cuda, which is the GPU of ``device``.
-    env_device: EnvDevice = added_later("cpu")  # noqa: RUF009 - a field
+    env_device: EnvDevice = added_later("cpu")
 
     def __post_init__(self) -> None:
         super().__post_init__()

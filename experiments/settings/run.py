@@ -200,7 +200,7 @@ class RunConfig(Settings):
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
     # Episodes in a row on each level, between which policies with a memory keep it, in training and in evaluation.
-    trials: Count = added_later(1)  # noqa: RUF009 - a field
+    trials: Count = added_later(1)
     seed: Seed = 0  # of training: weights, actions, order of levels
     root: str | None = None  # where run folders are made; None: runs/ of the checkout
     folder: str | None = None  # the run folder; None: named by its settings, under root
@@ -213,9 +213,9 @@ class RunConfig(Settings):
     progress: bool = True
     # "machine": the fastest kernels for this processor. "portable": float32, one thread of torch, and kernels that all
     # x86-64 processors with AVX2 have, for the same weights on unlike processors.
-    determinism: Determinism = added_later("machine")  # noqa: RUF009 - a field
+    determinism: Determinism = added_later("machine")
     # What chooses the levels that episodes of training begin on; None: they are drawn alike.
-    curriculum: CurriculumConfig | None = added_later(None)  # noqa: RUF009 - a field
+    curriculum: CurriculumConfig | None = added_later(None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
