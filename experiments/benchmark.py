@@ -68,12 +68,10 @@ from experiments.benchmarking.verification import verify
 from experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, run_command, to_plain
 from experiments.commands.kernels import choose_kernels
 from experiments.evaluation.transfers import RunTask
-from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, failures, reproduce
-from experiments.reproduction.display import Display
+from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, do_all, failures, reproduce
 from experiments.reproduction.grid import grid_runs
 from experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
 from experiments.reproduction.plugin import REPORTS, run_plugin
-from experiments.reproduction.process_pool import Job, JobResult, run_jobs
 from experiments.runs.executed_code import differing_parts
 from experiments.runs.run_folder import folder_path, is_finished, runs_root
 from experiments.settings import (
@@ -294,29 +292,17 @@ def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) ->
     print(f"about {in_minutes(seconds * len(waiting) / processes)} with {processes} at a time", flush=True)
     if config.dry_run:
         return
-    jobs = {
-        task.folder.name: Job(task.folder.name, task, place / "logs" / f"{task.folder.name}.log") for task in waiting
-    }
-    display = Display(jobs, dict.fromkeys(jobs, seconds), ending)
-    with display.shown():
-        outcomes = run_jobs(list(jobs.values()), make_piece, max(min(processes, len(jobs)), 1), display.end)
-    failed = [one for one in outcomes if one.error is not None]
+    failed = do_all(place / "logs", {one.folder.name: (one, seconds) for one in waiting}, processes, make_piece)
     found = [piece for piece in (read_piece(task.folder) for task in tasks) if piece is not None]
     if found:
         show(add(config, method, found))
     if failed:
-        raise TrainingError(failures(failed, len(jobs), True))
+        raise TrainingError(failures(failed, len(waiting), True))
 
 
 def seconds_per_piece(config: BenchmarkConfig) -> float:
     """How long a piece without training takes, as far as that is known before."""
     return PLANNER_SECONDS if config.player == "planner" else PLAYER_SECONDS
-
-
-def ending(outcome: JobResult) -> str:
-    """The result of a job in one line."""
-    name = outcome.job.name
-    return f"{name}: {outcome.error}" if outcome.error else f"{name}: {in_minutes(outcome.seconds)}"
 
 
 def add(config: BenchmarkConfig, method: Method, found: Sequence[NewPiece]) -> Row:

@@ -33,13 +33,13 @@ from typing import Any
 
 import yaml
 from omegaconf import DictConfig
+from tqdm import tqdm
 
 from experiments.commands.config_store import conf_dir
 from experiments.commands.hydra_app import ends_with_its_reader, run_command, to_plain
 from experiments.commands.kernels import choose_kernels
 from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished
 from experiments.evaluation.transfers import RunTask
-from experiments.reproduction.display import Display
 from experiments.reproduction.experiment_file import PLAN, STUDY, Experiment, chosen_names, experiment_at
 from experiments.reproduction.imported_results import read_imported_results
 from experiments.reproduction.plan import (
@@ -172,7 +172,7 @@ def reproduce(
         one.run.label(): (one, speeds.seconds(one)) for one in plan.runs if one.run.restart or not one.is_done()
     }
     write_plan(config, plan)
-    failed = do_all(config, waiting, processes, work or carry_out)
+    failed = do_all(config.folder / "logs", waiting, processes, work or carry_out)
     finished = (finish or tables_and_report)(config, plan)
     if failed or not finished:
         raise TrainingError(failures(failed, len(waiting), finished))
@@ -230,25 +230,30 @@ def run_study(study: StudyTask) -> None:
 
 
 def do_all(
-    config: ReproduceConfig, waiting: Mapping[str, tuple[Work, float]], processes: int, work: Callable[[Work], Any]
+    logs: Path, waiting: Mapping[str, tuple[Any, float]], processes: int, work: Callable[[Any], Any]
 ) -> list[JobResult]:
-    """Carries out tasks side by side and shows each as it ends; returns the failed ones."""
-    logs = config.folder / "logs"
-    jobs = {name: Job(name, one, logs / f"{name}.log") for name, (one, _) in waiting.items()}
-    weights = {name: seconds for name, (_, seconds) in waiting.items()}
-    began = time.monotonic()
+    """Carries out tasks side by side and prints how each ended; returns the failed ones.
 
-    def line(outcome: JobResult) -> str:
-        share, spent = display.share_left(), time.monotonic() - began
-        if not share:
-            return f"{ending(outcome)}; all done"
+    Args:
+        logs: the folder of their logs.
+        waiting: name to task and expected seconds.
+    """
+    jobs = [Job(name, one, logs / f"{name}.log") for name, (one, _) in waiting.items()]
+    left = {name: seconds for name, (_, seconds) in waiting.items()}
+    total, began = sum(left.values()), time.monotonic()
+
+    def end(outcome: JobResult) -> None:
+        del left[outcome.job.name]
+        bar.update()
+        share, spent = sum(left.values()) / total if total else 0.0, time.monotonic() - began
         # The first tasks also load libraries and compile kernels, so that their speed says little.
-        left = spent * share / (1 - share) if share < ENOUGH_LEFT else share * sum(weights.values()) / processes
-        return f"{ending(outcome)}; about {in_minutes(left)} left"
+        seconds = spent * share / (1 - share) if share < ENOUGH_LEFT else share * total / processes
+        rest = f"about {in_minutes(seconds)} left" if share else "all done"
+        bar.write(f"[{len(jobs) - len(left)}/{len(jobs)}] {ending(outcome)}; {rest}", file=sys.stdout)
+        sys.stdout.flush()
 
-    display = Display(jobs, weights, line)
-    with display.shown():
-        outcomes = run_jobs(list(jobs.values()), work, max(min(processes, len(jobs)), 1), display.end)
+    with tqdm(total=len(jobs), unit="task", leave=False, disable=None) as bar:  # a bar on a terminal alone
+        outcomes = run_jobs(jobs, work, max(min(processes, len(jobs)), 1), end)
     return [outcome for outcome in outcomes if outcome.error is not None]
 
 
