@@ -32,7 +32,7 @@ from analysis.runs import (
     summarise,
     training_sets,
 )
-from analysis.stats.correlation import NotAvailable, correlate, indicators
+from analysis.stats.correlation import correlate, indicators
 from analysis.stats.estimate import Estimate
 from analysis.stats.resampling import cluster_jackknife, no_interval
 from analysis.tables import Floats, column, count_of, pick, select
@@ -104,7 +104,7 @@ def gap_plot(
         _draw(axes, points)
         found = correlation(shown, x, y)
         if found.low > 0 or found.high < 0:  # a line says that there is something
-            draw_line(axes, column(points, "x"), column(points, "y"), band=False)
+            draw_line(axes, column(points, "x"), column(points, "y"))
         axes.set_xlabel(TITLES.get(x, x))
         axes.set_ylabel(TITLES.get(y, y))
         of = "r of the runs" if cells else "r"
@@ -136,9 +136,9 @@ def correlation(runs: pd.DataFrame, x: str, y: str, given: str | None = None) ->
     x, y = column_name(runs, x), column_name(runs, y)
     groups = None if given is None else indicators([str(value) for value in runs[given]])
     values = np.column_stack([column(runs, x), column(runs, y), *([] if groups is None else [groups])])
-    whole = correlate(values[:, 0], values[:, 1], groups)
-    if isinstance(whole, NotAvailable):
-        return Estimate.missing(0, whole.reason)
+    whole = correlate(values[:, 0], values[:, 1], groups).pearson
+    if not np.isfinite(whole.estimate):
+        return whole
     blocks = pd.DataFrame({"block": training_sets(runs)})
     count = count_of(blocks, "block")
     if count < FEWEST_BLOCKS:
@@ -149,8 +149,8 @@ def correlation(runs: pd.DataFrame, x: str, y: str, given: str | None = None) ->
 
 def _pearson(values: Floats) -> float:
     """r of the first two columns given the others; NaN where it does not exist."""
-    found = correlate(values[:, 0], values[:, 1], values[:, 2:] if values.shape[1] > 2 else None)
-    return float("nan") if isinstance(found, NotAvailable) else found.pearson
+    given = values[:, 2:] if values.shape[1] > 2 else None
+    return correlate(values[:, 0], values[:, 1], given).pearson.estimate
 
 
 def _with_unit(runs: pd.DataFrame, x: str, asked: str) -> tuple[pd.DataFrame, list[str]]:
@@ -261,8 +261,8 @@ def _counts(runs: pd.DataFrame, points: pd.DataFrame, left_out: int, cells: bool
 
 def _of_means(points: pd.DataFrame) -> str:
     """The correlation of the means that are drawn, without an interval: each stands for runs that share level sets."""
-    found = correlate(column(points, "x"), column(points, "y"))
-    value = f"not available: {found.reason}" if isinstance(found, NotAvailable) else f"{found.pearson:+.2f}"
+    found = correlate(column(points, "x"), column(points, "y")).pearson
+    value = f"{found.estimate:+.2f}" if np.isfinite(found.estimate) else f"not available: {found.note}"
     return f"r of the {len(points)} means = {value}"
 
 

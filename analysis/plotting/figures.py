@@ -12,11 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.polynomial import Polynomial
 from PIL import Image
 
 from analysis.plotting import style
 from analysis.plotting.names import family_name
-from analysis.stats.correlation import NotAvailable, fit_line
+from analysis.stats.correlation import why_not
 from analysis.tables import column, select
 from experiments.runs.files import write_bytes
 
@@ -76,18 +77,15 @@ def zero_line(axes: Axes) -> None:
     axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
 
 
-def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333", band: bool = True) -> None:
-    """The least-squares line, with the 95 % band of its height; nothing where there is no line, or fewer than six points."""
-    line = fit_line(x, y)
-    if isinstance(line, NotAvailable) or len(x) < LINE_POINTS:
+def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333", across: bool = False) -> None:
+    """The least-squares line as far as its points reach, or ``across`` the axes, whose limits stay; nothing where there is no
+    line, or fewer than six points."""
+    if len(x) < LINE_POINTS or why_not(x, y):
         return
-    at = np.linspace(x.min(), x.max(), 100)
-    limits = axes.get_ylim()
-    axes.plot(at, line.at(at), color=colour, linewidth=style.LINE_WIDTH, zorder=4)
-    if band:
-        half = line.half_width(at)
-        axes.fill_between(at, line.at(at) - half, line.at(at) + half, color=colour, alpha=0.13, linewidth=0, zorder=1.5)
-    axes.set_ylim(*limits)  # the wide band of a few points would flatten everything else
+    limits = axes.get_xlim(), axes.get_ylim()
+    ends = np.array(limits[0] if across else (x.min(), x.max()))
+    axes.plot(ends, Polynomial.fit(x, y, 1)(ends), color=colour, linewidth=style.LINE_WIDTH, zorder=4)
+    axes.set(xlim=limits[0], ylim=limits[1])
 
 
 def legend_of(table: pd.DataFrame) -> list[Line2D]:

@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.stats.correlation import Correlation, NotAvailable, correlate, indicators, residuals, without_outliers
-from analysis.stats.estimate import Estimate
+from analysis.stats.correlation import correlate, indicators, residuals, without_outliers
 from analysis.tables import Floats
 from segar.errors import SegarError, did_you_mean
 
@@ -60,37 +59,23 @@ def associations(
         panels = indicators(list(part_names))
         covariates = covariate_matrix(part, given, log)
         covariates_text = " and ".join(f"log {name}" if log else name for name in given)
-        tests = [("pooled", "", None), ("given panel", "", panels)]
+        tests = [("pooled", "", correlate(a, b)), ("given panel", "", correlate(a, b, panels))]
         if given:
-            tests.append((f"given panel and {covariates_text}", "", np.column_stack([panels, covariates])))
-            tests.append(("given cell", "", indicators(list(labels(part, [*panel, *given])))))
-        base = {"outliers": rule, "removed": removed}
-        for test, label, matrix in tests:
-            rows += correlation_rows(base | {"test": test, "panel": label}, correlate(a, b, matrix), len(a))
+            both, cells = np.column_stack([panels, covariates]), indicators(list(labels(part, [*panel, *given])))
+            tests.append((f"given panel and {covariates_text}", "", correlate(a, b, both)))
+            tests.append(("given cell", "", correlate(a, b, cells)))
         for label in sorted(set(part_names)):
             mine = part_names == label
-            rows += correlation_rows(base | {"test": "within", "panel": label}, correlate(a[mine], b[mine]), mine.sum())
+            tests.append(("within", label, correlate(a[mine], b[mine])))
+        for test, label, one in tests:
+            base = {"outliers": rule, "removed": removed, "test": test, "panel": label}
+            rows += [one.pearson.row(**base, method="pearson"), one.spearman.row(**base, method="spearman")]
     found = pd.DataFrame(rows)
     found["p_holm"] = np.nan
     within = found["test"] == "within"
     for _, group in found[within].groupby(["method", "outliers"]):
         found.loc[group.index, "p_holm"] = holm(np.asarray(group["p"]))
     return pd.DataFrame({name: found[name] for name in ASSOCIATION_COLUMNS})
-
-
-def correlation_rows(base: dict[str, Any], found: Correlation | NotAvailable, n: int) -> list[dict[str, Any]]:
-    """The rows of Pearson's and of Spearman's correlation."""
-    if isinstance(found, NotAvailable):
-        none = Estimate.missing(int(n), found.reason)
-        return [none.row(**base, method=method) for method in ("pearson", "spearman")]
-    rows = []
-    for method in ("pearson", "spearman"):
-        low, high = (getattr(found, f"{method}_{end}") for end in ("low", "high"))
-        interval = (np.nan, np.nan) if low is None else (low, high)
-        note = "points in perfect order have no interval" if low is None else ""
-        one = Estimate(getattr(found, method), *interval, found.points, getattr(found, f"{method}_p"), note=note)
-        rows.append(one.row(**base, method=method))
-    return rows
 
 
 def kept(

@@ -1,20 +1,21 @@
-"""How strongly two columns go together: correlations, partial correlations, a line with its confidence band.
+"""How strongly two columns go together: correlations, partial correlations, explained variance.
 
 Everything here is a pure function over float64 arrays with one entry per run. What cannot be computed, because there
-are too few points or nothing varies, is :class:`NotAvailable` with the reason, never a NaN that looks like a number.
+are too few points or nothing varies, is NaN, and the note of a correlation has the reason.
 
 Runs share test levels, and training sets of one seed are nested in n, so the points are not independent: p-values that
 assume they are come out too small. The report says so beside them.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from analysis.stats.estimate import Estimate
 from analysis.tables import Floats
 
 MIN_POINTS = 3  # two points always lie on a line
@@ -23,50 +24,14 @@ ALL_ORDERS = 5040  # of seven points; scipy tries each once where there are no m
 
 
 @dataclass(frozen=True)
-class NotAvailable:
-    """Stands where a statistic would, and says why there is none."""
-
-    reason: str
-
-
-@dataclass(frozen=True)
 class Correlation:
-    """Pearson's r and Spearman's rho, each with its two-sided p and 95 % interval; given covariates, both partial."""
+    """Pearson's r and Spearman's rho, with their two-sided p and 95 % intervals; given covariates, both partial."""
 
-    points: int
-    pearson: float
-    pearson_p: float
-    pearson_low: float
-    pearson_high: float
-    spearman: float
-    spearman_p: float
-    spearman_low: float | None  # None: points in perfect order, about which Fisher's interval has nothing to say
-    spearman_high: float | None
+    pearson: Estimate
+    spearman: Estimate
 
 
-@dataclass(frozen=True)
-class Line:
-    """The least-squares line ``y = intercept + slope * x``, with what its confidence band needs."""
-
-    points: int
-    slope: float
-    intercept: float
-    residual_sd: float  # sqrt(sum of squared residuals / (points - 2))
-    x_mean: float
-    x_spread: float  # sum of (x - mean)^2
-
-    def at(self, x: Floats) -> Floats:
-        """The line's height at ``x`` [any shape]."""
-        return self.intercept + self.slope * np.asarray(x, np.float64)
-
-    def half_width(self, x: Floats, level: float = 0.95) -> Floats:
-        """Half the height of the confidence band of the *mean* of y at ``x``; the band is ``at(x) ± half_width(x)``."""
-        x = np.asarray(x, np.float64)
-        quantile = stats.t.ppf(0.5 + level / 2, self.points - 2)
-        return quantile * self.residual_sd * np.sqrt(1 / self.points + (x - self.x_mean) ** 2 / self.x_spread)
-
-
-def correlate(x: Floats, y: Floats, covariates: Floats | None = None) -> Correlation | NotAvailable:
+def correlate(x: Floats, y: Floats, covariates: Floats | None = None) -> Correlation:
     """The correlation of ``x`` [n] and ``y`` [n], given ``covariates`` [n, k] where there are any.
 
     A partial correlation is that of the residuals of both after least squares on a constant and the covariates (for
@@ -74,52 +39,27 @@ def correlate(x: Floats, y: Floats, covariates: Floats | None = None) -> Correla
     The intervals are Fisher's, 1/sqrt(n - 3 - k) wide in arctanh r; for Spearman that is an approximation.
     Up to 7 points without covariates, Spearman's p counts all orders: t would call 4 points in order certain.
     """
-    reason = why_not(x, y)
-    if reason:
-        return NotAvailable(reason)
     given = np.ones((len(x), 1)) if covariates is None else np.column_stack([np.ones(len(x)), covariates])
+    reason = why_not(x, y) or _why_no_partial(x, y, given)
+    if reason:
+        none = Estimate.missing(len(x), reason)
+        return Correlation(none, none)
     freedom = len(x) - 1 - int(np.linalg.matrix_rank(given))
-    if freedom < 1:
-        return NotAvailable(f"{len(x)} points are too few for {given.shape[1] - 1} covariates")
-    pearson = _partial(x, y, given, freedom)
-    spearman = _partial(stats.rankdata(x), stats.rankdata(y), given, freedom)
-    if isinstance(pearson, NotAvailable):
-        return pearson
-    if isinstance(spearman, NotAvailable):
-        return spearman
-    rho, rho_p, low, high = spearman
+    rank_x, rank_y = stats.rankdata(x), stats.rankdata(y)
+    spearman = _partial(rank_x, rank_y, given, freedom)
     if covariates is None and len(x) <= MAX_ORDERS:
-        rho_p = _p_of_orders(stats.rankdata(x), stats.rankdata(y))
-    interval = (None, None) if abs(rho) > 1 - EXPLAINED else (low, high)
-    return Correlation(len(x), *pearson, rho, rho_p, *interval)
+        spearman = dataclasses.replace(spearman, p=_p_of_orders(rank_x, rank_y))
+    if abs(spearman.estimate) > 1 - EXPLAINED:  # about which Fisher's interval has nothing to say
+        note = "points in perfect order have no interval"
+        spearman = dataclasses.replace(spearman, low=np.nan, high=np.nan, note=note)
+    return Correlation(_partial(x, y, given, freedom), spearman)
 
 
-def fit_line(x: Floats, y: Floats) -> Line | NotAvailable:
-    """The least-squares line through ``x`` [n] and ``y`` [n]."""
-    reason = why_not(x, y)
-    if reason:
-        return NotAvailable(reason)
-    found: Any = stats.linregress(x, y)
-    slope, intercept = float(found.slope), float(found.intercept)
-    residuals = y - intercept - slope * x
-    return Line(
-        points=len(x),
-        slope=slope,
-        intercept=intercept,
-        residual_sd=float(np.sqrt(residuals @ residuals / (len(x) - 2))),
-        x_mean=float(x.mean()),
-        x_spread=float(((x - x.mean()) ** 2).sum()),
-    )
-
-
-def explained(y: Floats, predictors: Floats) -> float | NotAvailable:
-    """R²: the share of the variance of ``y`` [n] that a constant and ``predictors`` [n, k] explain."""
-    reason = why_not(y)
-    if reason:
-        return NotAvailable(reason)
+def explained(y: Floats, predictors: Floats) -> float:
+    """R²: the share of the variance of ``y`` [n] that a constant and ``predictors`` [n, k] explain; NaN where there is none."""
     given = np.column_stack([np.ones(len(y)), predictors])
-    if len(y) <= np.linalg.matrix_rank(given):
-        return NotAvailable(f"{len(y)} points are too few for {given.shape[1] - 1} predictors")
+    if why_not(y) or len(y) <= np.linalg.matrix_rank(given):
+        return float("nan")
     return 1 - float((residuals(y, given) ** 2).sum() / ((y - y.mean()) ** 2).sum())
 
 
@@ -162,18 +102,25 @@ def residuals(y: Floats, given: Floats) -> Floats:
 EXPLAINED = 1e-10
 
 
-def _partial(x: Floats, y: Floats, given: Floats, freedom: int) -> tuple[float, float, float, float] | NotAvailable:
+def _why_no_partial(x: Floats, y: Floats, given: Floats) -> str:
+    """Why there is no correlation of two columns given others; empty where there is one."""
+    if len(x) - 1 <= np.linalg.matrix_rank(given):
+        return f"{len(x)} points are too few for {given.shape[1] - 1} covariates"
+    for column in (x, y, stats.rankdata(x), stats.rankdata(y)):
+        if np.linalg.norm(residuals(column, given)) <= EXPLAINED * np.linalg.norm(column - column.mean()):
+            return "the covariates explain one of the two columns entirely"
+    return ""
+
+
+def _partial(x: Floats, y: Floats, given: Floats, freedom: int) -> Estimate:
     left, right = residuals(x, given), residuals(y, given)
-    for column, rest in ((x, left), (y, right)):
-        if np.linalg.norm(rest) <= EXPLAINED * np.linalg.norm(column - column.mean()):
-            return NotAvailable("the covariates explain one of the two columns entirely")
     r = np.clip(left @ right / np.linalg.norm(left) / np.linalg.norm(right), -1, 1)
     with np.errstate(divide="ignore"):
         t = r * np.sqrt(freedom / (1 - r * r))
         centre = np.arctanh(r)
     half = stats.norm.ppf(0.975) / np.sqrt(freedom - 1) if freedom > 1 else np.inf
     low, high = (-1.0, 1.0) if np.isinf(half) else (float(np.tanh(centre - half)), float(np.tanh(centre + half)))
-    return float(r), float(2 * stats.t.sf(abs(t), freedom)), low, high
+    return Estimate(float(r), low, high, len(x), float(2 * stats.t.sf(abs(t), freedom)))
 
 
 def _p_of_orders(x: Floats, y: Floats) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.stats.association import labels, require
-from analysis.stats.correlation import NotAvailable, explained
+from analysis.stats.correlation import explained
 
 
 def left_out(
@@ -27,8 +27,7 @@ def left_out(
     rows = []
     for name, columns in predictors.items():
         x = table[list(columns)].to_numpy(np.float64)
-        whole = explained(target, x)
-        r2 = np.nan if isinstance(whole, NotAvailable) else whole
+        r2 = explained(target, x)
         freedom = len(target) - x.shape[1] - 1
         adjusted = 1 - (1 - r2) * (len(target) - 1) / freedom if freedom > 0 else np.nan
         rows.append({"predictors": name, "r2": r2, "adjusted_r2": adjusted, "r2_left_out": unseen(target, x, place)})

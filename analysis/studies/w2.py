@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.stats.correlation import NotAvailable, explained, indicators
+from analysis.stats.correlation import explained, indicators
 from analysis.tables import column, select, write_csv
 from experiments.commands.command_line import run_from_command_line
 from segar.levels import family
@@ -90,8 +90,7 @@ def models_of(table: pd.DataFrame) -> pd.DataFrame:
     for mode in MODES:
         y = np.log(column(inside, f"w2_{mode}"))
         found = {name: explained(y, predictors) for name, predictors in models.items()}
-        numbers = {k: float("nan") if isinstance(v, NotAvailable) else v for k, v in found.items()}
-        rows.append({"mode": mode, "points": len(y), **numbers})
+        rows.append({"mode": mode, "points": len(y), **found})
     return pd.DataFrame(rows)
 
 

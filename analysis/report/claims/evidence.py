@@ -16,7 +16,7 @@ from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
 from analysis.report.rules import LEAST_BLOCKS
 from analysis.stats.association import associations, covariate_matrix, kept, labels
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
-from analysis.stats.correlation import NotAvailable, correlate, explained, indicators, residuals
+from analysis.stats.correlation import correlate, explained, indicators, residuals
 from analysis.stats.estimate import Estimate
 from analysis.stats.mixed import mixed_model
 from analysis.stats.prediction import left_out
@@ -197,8 +197,7 @@ class Evidence:
         for mode in self.modes:
             y = np.log(column(self.main, f"w2_{mode}"))
             for name, x in (("panel", panel), ("log n", log_n), ("both", np.column_stack([panel, log_n]))):
-                found = explained(y, x)
-                rows.append({"w2": mode, "of": name, "r2": np.nan if isinstance(found, NotAvailable) else found})
+                rows.append({"w2": mode, "of": name, "r2": explained(y, x)})
         return pd.DataFrame(rows)
 
     @cached_property
@@ -250,10 +249,7 @@ def partial(values: np.ndarray) -> float:
 
 def pearson(table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
     """Pearson's r given columns (numbers, or names of groups), with Fisher's interval; NaN where there is none."""
-    found = correlate(column(table, x), column(table, y), matrix(table, given))
-    if isinstance(found, NotAvailable):
-        return Estimate.missing(len(table), found.reason)
-    return Estimate(found.pearson, found.pearson_low, found.pearson_high, found.points, found.pearson_p)
+    return correlate(column(table, x), column(table, y), matrix(table, given)).pearson
 
 
 def matrix(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray | None:

@@ -13,7 +13,7 @@ from analysis.report.claims.evidence import Evidence, matrix
 from analysis.report.results import BLOCK, paired
 from analysis.report.rules import MARGINS
 from analysis.stats.association import holm
-from analysis.stats.correlation import NotAvailable, explained
+from analysis.stats.correlation import explained
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, keep
 from experiments.reproduction.experiment_file import SIGNS
@@ -132,7 +132,7 @@ def difference_of_r2(width: int) -> Callable[[np.ndarray], float]:
     def difference(values: np.ndarray) -> float:
         y, sets = values[:, 0], (values[:, 1 : 1 + width], values[:, 1 + width :])
         one, other = (explained(y, x) for x in sets)
-        return float("nan") if isinstance(one, NotAvailable) or isinstance(other, NotAvailable) else one - other
+        return one - other
 
     return difference
 

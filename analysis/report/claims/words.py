@@ -15,7 +15,7 @@ from analysis.report.claims.statements import tested
 from analysis.report.claims.verdicts import counted, is_significant
 from analysis.report.number_format import NONE, effect, estimate_text, plain, with_interval
 from analysis.report.results import ETA, LESS_REGRET
-from analysis.stats.correlation import NotAvailable, explained, indicators
+from analysis.stats.correlation import explained, indicators
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, keep, select
 
@@ -81,7 +81,7 @@ def both_r2(evidence: Evidence, runs: pd.DataFrame) -> str:
     for which, part in parts.items():
         y = column(part, SUCCESS)
         by_n, by_panel = (explained(y, indicators(list(part[key].astype(str)))) for key in ("n", "panel"))
-        if isinstance(by_n, NotAvailable) or isinstance(by_panel, NotAvailable):
+        if not np.isfinite([by_n, by_panel]).all():
             return ""
         said.append(f"{plain(by_n)} on n and {plain(by_panel)} on the panel in {which} (n = {len(part)})")
     return f"R² of success on test levels: {'; '.join(said)}."

@@ -56,7 +56,7 @@ def draw_accuracy(evidence: Evidence, axes: Axes, table: pd.DataFrame, gap: str,
     # After all points, because lines keep to the limits that the points made.
     for levels, colour in zip(found, style.PALETTE, strict=False):
         if np.isfinite(found[levels].low):
-            draw_line(axes, column(table, f"accuracy_{levels}"), column(table, gap), colour, band=False)
+            draw_line(axes, column(table, f"accuracy_{levels}"), column(table, gap), colour)
     axes.set_title(title)
     axes.set_xlabel("accuracy of the critic")
     axes.set_ylabel(SHORT_GAP)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from analysis.plotting import style
-from analysis.plotting.figures import DOT, LINE_POINTS, draw_line, draw_points, legend_of, new_figure, zero_line
+from analysis.plotting.figures import DOT, draw_line, draw_points, legend_of, new_figure, zero_line
 from analysis.plotting.names import family_name
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import BLOCKS, DISTANCES, GIVEN, GIVEN_CELL, Evidence
@@ -27,7 +27,6 @@ from analysis.report.figures.drawing import (
     legend_below,
 )
 from analysis.report.number_format import estimate_text
-from analysis.stats.correlation import NotAvailable, fit_line
 from analysis.tables import column, keep, mean_by, pick, select
 
 NO_MAIN_GRID = "there are no runs of the main grid"
@@ -57,7 +56,7 @@ def figure_3a(evidence: Evidence) -> Drawn | str:
         row = part.subplots(1, len(families), squeeze=False)[0]
         for axes, family in zip(row, families, strict=True):
             draw_family(axes, select(table, family=family), x, y)
-            draw_pooled_line(axes, column(kept, x), column(kept, y))
+            draw_line(axes, column(kept, x), column(kept, y), across=True)
             axes.set_title(family_name(family))
         part.supxlabel(x_label, fontsize=10)
         row[0].set_ylabel(y_label, fontsize=9)
@@ -73,18 +72,6 @@ def draw_family(axes: Axes, table: pd.DataFrame, x: str, y: str) -> None:
     failed = select(table, learned=False)
     axes.scatter(column(failed, x), column(failed, y), s=30, zorder=2, **NOT_LEARNED)
     axes.margins(0.08)
-
-
-def draw_pooled_line(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """The line through the runs of all families, as far as this axes reaches."""
-    line = fit_line(x, y) if len(x) >= LINE_POINTS else NotAvailable("too few")
-    if isinstance(line, NotAvailable):
-        return
-    limits = axes.get_xlim(), axes.get_ylim()
-    at = np.array(limits[0])
-    axes.plot(at, line.at(at), color="#333333", linewidth=style.LINE_WIDTH, zorder=1.5)
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])
 
 
 def not_learned_entry() -> Line2D:
@@ -138,7 +125,7 @@ def draw_groups(evidence: Evidence, axes: Axes, table: pd.DataFrame, x: str, y: 
     axes.margins(y=0.1)
     for name in (name for name, one in found.items() if np.isfinite(one.low)):  # lines keep to the limits of all points
         part = select(table, **{group: name})
-        draw_line(axes, column(part, x), column(part, y), colours[name], band=False)
+        draw_line(axes, column(part, x), column(part, y), colours[name])
     axes.locator_params(axis="x", nbins=6)
     axes.legend(loc="upper center", bbox_to_anchor=(0.45, -0.24), handletextpad=0.2, fontsize=8.5)
 

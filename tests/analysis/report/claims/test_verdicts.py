@@ -2,6 +2,7 @@
 
 import math
 
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,6 +12,7 @@ from analysis.report.claims import verdicts
 from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Claim, Finding, claims_table
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED, VERDICTS
 from analysis.stats.estimate import Estimate
+from tests.places import ROOT
 
 REAL = st.floats(-1, 1)
 MARGIN = 0.3
@@ -140,3 +142,12 @@ def test_the_rules_say_all_that_the_code_uses():
     assert rules.ALPHA == 0.05 and 0 < rules.GATE_MARGIN < 1 and rules.LEAST_BLOCKS >= 2
     assert set(rules.MARGINS) == {"correlation", "success", "deviations", "explained"}
     assert len(rules.SHA256) == 64 and rules.WRITTEN == "2026-11-23"
+
+
+@pytest.mark.results
+def test_the_shipped_simulations_err_in_at_most_one_of_twenty():
+    table = pd.read_csv(ROOT / "docs" / "results" / "error_rates.csv")
+    assert (table["simulations"] >= 1000).all()
+    effect, absence = (table["claimed"] == one for one in ("an effect", "absence"))
+    wrong = (effect & (table["planted"] == "nothing")) | (absence & (table["planted"] == "the margin"))
+    assert wrong.sum() == 12 and (table[wrong][SUPPORTED] <= 0.05).all()
