@@ -5,6 +5,7 @@ from __future__ import annotations
 from benchmarks.drawing import drawing
 from benchmarks.environments import environments, resets, single, startup
 from benchmarks.frameworks import frameworks
+from benchmarks.gpu import gpu
 from benchmarks.mathematics import speed
 from benchmarks.measure import print_parts
 from benchmarks.networks import networks
@@ -25,6 +26,7 @@ PARTS = {
     "bodies": bodies,
     "single": single,
     "frameworks": frameworks,
+    "gpu": gpu,
     "resets": resets,
     "networks": networks,
     "startup": startup,

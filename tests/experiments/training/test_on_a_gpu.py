@@ -1,4 +1,7 @@
-"""Runs whose environments are on a GPU, which a stub plays: they end with the weights of runs on the processor."""
+"""Runs whose environments are on a GPU end with the weights of runs whose environments are on the processor.
+
+A stub plays the GPU, and networks are on the processor; the slow tests take a GPU for both, too, where there is one.
+"""
 
 from pathlib import Path
 
@@ -8,6 +11,7 @@ import torch
 from experiments.algorithms import off_policy, ppo
 from experiments.algorithms.checkpoint import newest_checkpoint
 from experiments.reproduction.process_pool import Job, run_jobs
+from experiments.runs.run_folder import read_summary
 from experiments.settings import (
     ConfigError,
     ObservationConfig,
@@ -24,6 +28,7 @@ from segar.envs.device_episodes import GPU
 from segar.observations import OneOf
 from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, short_run
 from tests.segar.engine.cuda.stub_driver import StubDriver
+from tests.segar.envs.test_device import A_GPU
 
 PPO_SIZE = {"num_envs": 8, "num_steps": 8, "widths": (8,), "head_width": 0, "device": "cuda", "precision": "fp32"}
 SAC_SIZE = {
@@ -37,10 +42,10 @@ SAC_SIZE = {
 }
 
 
-@pytest.fixture
-def stub(monkeypatch) -> StubDriver:
+@pytest.fixture(params=["stub", pytest.param("GPU", marks=[pytest.mark.slow, A_GPU])])
+def stub(request, monkeypatch) -> StubDriver | None:
     """A driver in whose stead the PTX machine works; tensors, and networks of device=cuda, are on the processor."""
-    return stub_driver(monkeypatch)
+    return stub_driver(monkeypatch) if request.param == "stub" else None
 
 
 def stub_driver(patch: pytest.MonkeyPatch) -> StubDriver:
@@ -51,12 +56,17 @@ def stub_driver(patch: pytest.MonkeyPatch) -> StubDriver:
     return found
 
 
-def run_with_stub(config: RunConfig) -> int:
-    """The work of a process: a run; returns how many kernels it started."""
+def run_with_stub(config: RunConfig) -> bool:
+    """The work of a process: a run; returns whether it started kernels."""
     with pytest.MonkeyPatch.context() as patch:
         stub = stub_driver(patch)
         run(config, print)
-    return len(stub.launches)
+    return bool(stub.launches)
+
+
+def run_on_the_gpu(config: RunConfig) -> bool:
+    run(config, print)
+    return True
 
 
 @pytest.mark.slow
@@ -66,7 +76,7 @@ def test_processes_side_by_side_have_a_gpu_each_for_itself(stub, tmp_path):
     )
     run(host, print)
     jobs = [Job(str(k), one, tmp_path / f"{k}.log") for k, one in enumerate(devices)]
-    outcomes = run_jobs(jobs, run_with_stub, processes=2)
+    outcomes = run_jobs(jobs, run_on_the_gpu if stub is None else run_with_stub, processes=2)
     assert [outcome.error for outcome in outcomes] == [None, None] and all(outcome.result for outcome in outcomes)
     assert all(same(host, one) for one in devices)
 
@@ -101,9 +111,9 @@ def test_weights_are_those_of_environments_on_the_processor_also_after_an_interr
         config(tmp_path / "c", "cuda"),
     )
     run(host, print)
-    assert not stub.launches
+    assert stub is None or not stub.launches
     run(device, print)
-    assert {"advance_range", "start_episodes"} < {name for name, *_ in stub.launches}
+    assert stub is None or {"advance_range", "start_episodes"} < {name for name, *_ in stub.launches}
     with killed_after(2, monkeypatch):
         run(resumed, print)
     run(resumed, print)
@@ -116,7 +126,14 @@ def test_weights_are_those_of_environments_on_the_processor(stub, tmp_path, kind
     host, device = (config(tmp_path / name, name, kind, observation, frames=2 * FRAMES) for name in ("cpu", "cuda"))
     for one in (host, device):
         run(one, print)
-    assert stub.launches and same(host, device)
+    if stub is None:  # torch adds in another order there: the last bits of weights differ
+        ours, theirs = (read_summary(Path(str(one.folder))) for one in (host, device))
+        returns = [name for name in ours if "return" in name]
+        assert returns and [theirs[name] for name in returns] == pytest.approx(
+            [ours[name] for name in returns], abs=0.001
+        )
+    else:
+        assert stub.launches and same(host, device)
 
 
 def one_of() -> OneOf:
