@@ -14,7 +14,7 @@ from segar.language import Task
 from segar.levels import Levels, levels_from_data
 from segar.observations import leaves
 from segar.rules import World
-from segar.support import __version__, check_size, misfit, read_handwritten_json, shown
+from segar.support import __version__, check_form, check_size, read_handwritten_json, shown
 from segar.tasks import task_of
 
 FORMAT, VERSION = "segar-play", 1
@@ -45,7 +45,8 @@ def read_play(
             another return or end when its actions are played again.
     """
     path = Path(path)
-    data = _read(path)
+    data = read_handwritten_json(path, "a recording of play", SegarError)
+    check_form(str(path), data, "a recording of play", FORMAT, VERSION, FORM, SegarError)
     levels = levels_from_data(data["levels"], path, "levels.", world)
     try:
         task = task or task_of(replace(levels, task=data["task"] or levels.task))
@@ -55,24 +56,6 @@ def read_play(
     _check_memory(path, data["episodes"], env)
     by = f"; SEGAR {shown(data['segar'])} recorded it, and this is {__version__}"
     return levels, [_play_again(env, said, f"{path}: episodes[{k}]", by) for k, said in enumerate(data["episodes"])]
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """The data of a recording, which have the form."""
-    data = read_handwritten_json(path, "a recording of play", SegarError)
-    found = data.get("format") if isinstance(data, dict) else data
-    if found != FORMAT:
-        raise SegarError(f"{path} is not a recording of play, whose 'format' is '{FORMAT}'; there is {shown(found)}")
-    wrong = misfit(data, {"version": int})
-    if wrong is None and data["version"] < 1:
-        wrong = f"'version' must be 1 to {VERSION}, not {data['version']}"
-    if wrong is None and data["version"] > VERSION:
-        raise SegarError(
-            f"{path} has version {data['version']} of its format, and this SEGAR reads up to {VERSION}; install a newer one"
-        )
-    if wrong := wrong or misfit(data, FORM, only=True):
-        raise SegarError(f"{path} is not a recording of play, or a damaged one: {wrong}")
-    return data
 
 
 def _check_memory(path: Path, episodes: list[dict[str, Any]], env: VectorEnv) -> None:

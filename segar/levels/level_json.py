@@ -6,7 +6,6 @@ files too. Whatever does not belong into a level file is refused, and the messag
 
 import json
 import math
-import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, did_you_mean
-from segar.language import CIRCLE, HULL, Entity, Factor, FloorFriction, Friction, GlobalFriction, Layout, Shape
+from segar.language import CIRCLE, HULL, Entity, FloorFriction, Friction, GlobalFriction, Layout, Shape
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
 from segar.levels.level_data import Block, LevelData
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
-from segar.support import __version__, check_size, misfit, read_handwritten_json, replacing, shown, with_line
+from segar.support import __version__, check_form, check_size, read_handwritten_json, replacing, shown
 
 SUFFIX = ".json"
 FORMAT, VERSION = "segar-levels", 1
@@ -39,6 +38,11 @@ FORM: dict[str, Any] = {
     for key, form in {**DESCRIPTION, "most_vertices": int}.items()
 }
 """The form of a description in JSON. ``most_vertices`` is the room for vertices of each entity, if none here needs it."""
+FACTORS = {str: (float, [float])}
+ENTITY = {"type": str, "shape?": (str, None), "vertices?": [[float]], "factors": FACTORS, "sampled?": FACTORS}
+LEVEL = {"index?": int, "parameters?": {str: float}, "entities": {str: ENTITY}}
+FILE = {"format": str, "version": int, "description": FORM, "levels": [LEVEL]}
+"""The form of a file; what follows from the entities in it is checked where they are read."""
 
 
 def is_json(path: Path) -> bool:
@@ -73,10 +77,7 @@ def read_json(path: Path, world: World | None) -> dict[str, Any]:
         LevelError: there is no such file, it is no JSON, or as :func:`fields_of`.
     """
     data = read_handwritten_json(path, "a level file in JSON", LevelError)
-    try:
-        return fields_of(data, path, "", world)
-    except LevelError as error:
-        raise LevelError(with_line(path, str(error))) from error
+    return fields_of(data, path, "", world)
 
 
 def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[str, Any]:
@@ -93,24 +94,14 @@ def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[s
             memory than the limit.
     """
     where = f"{path}: {inside}"
-    _check_head(data, path, where)
+    check_form(where.rstrip(".: "), data, "a level file in JSON", FORMAT, VERSION, FILE, LevelError)
     said = data["description"]
-    if wrong := misfit(said, FORM, only=True):
-        raise LevelError(f"{where}description: {wrong}")
     _check_texts(said, where)
     description = DEFAULTS | said
     layout = layout_of(description, path, world)
     block = _block_of(data["levels"], layout, description["most_vertices"], path, where)
     _check_floor(layout, block.values, block.parameters, where)
     return origin_of(description, layout, block.indices, path) | block.arrays
-
-
-def told_with_line(path: Path, message: str) -> str:
-    """A message about the numbers of a level in a file, with the line of the factor behind it."""
-    found = re.search(r"level (\d+): (\w+) of '([^']*)'", message)
-    return with_line(
-        path, message, ["levels", int(found[1]), "entities", found[3], "factors", found[2]] if found else ()
-    )
 
 
 def level_schema(layout: Layout | None = None) -> dict[str, Any]:
@@ -219,27 +210,10 @@ def _text(value: Any) -> str:
 # Reading. ``at`` is where something stands, with the file's name.
 
 
-def _check_head(data: Any, path: Path, where: str) -> None:
-    """Raise :class:`LevelError` unless these are the data of a level file, of a version that can be read."""
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        found = shown(data.get("format") if isinstance(data, dict) else data)
-        raise LevelError(f"{where}it is not a level file in JSON, whose 'format' is '{FORMAT}'; there is {found}")
-    if wrong := misfit(data, {"version": int}):
-        raise LevelError(f"{where}{wrong}")
-    if data["version"] > VERSION:
-        raise LevelError(
-            f"{path} was written by a newer SEGAR, which this one cannot read: its levels have version"
-            f" {data['version']} of the format, and this SEGAR reads up to {VERSION}; install a newer one"
-        )
-    if data["version"] < 1:
-        raise LevelError(f"{where}'version' must be 1 to {VERSION}, not {data['version']}")
-    _check_keys(f"{where}the file", data, ("format", "version", "description", "levels"))
-
-
-def _block_of(listed: Any, layout: Layout, most_vertices: int, path: Path, where: str) -> Block:
+def _block_of(listed: list[Any], layout: Layout, most_vertices: int, path: Path, where: str) -> Block:
     """The arrays of the levels that are listed."""
-    if not isinstance(listed, list) or not listed:
-        raise LevelError(f"{where}levels: must be a list of at least one level, not {shown(listed)}")
+    if not listed:
+        raise LevelError(f"{where}levels: must be a list of at least one level, and is empty")
     if not 0 <= most_vertices <= MOST_VERTICES:
         raise LevelError(f"{where}description.most_vertices: must be 0 to {MOST_VERTICES}, not {most_vertices}")
     _check_memory(layout, len(listed), most_vertices, path)
@@ -278,7 +252,7 @@ class _Read:
     layout: Layout
     block: Block
     slots: Mapping[str, int] = field(init=False)
-    hulls: dict[tuple[int, int], list[tuple[float, float]]] = field(default_factory=dict)
+    hulls: dict[tuple[int, int], list[list[float]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "slots", {name: k for k, name in enumerate(self.layout.names)})
@@ -286,20 +260,14 @@ class _Read:
 
 def _read_level(at: str, level: Any, i: int, read: _Read) -> None:
     """Put level ``i`` into the arrays."""
-    _check_keys(at, level, ("entities",), ("index", "parameters"))
     layout, block = read.layout, read.block
-    if "index" in level:
-        block.indices[i] = _index(f"{at}.index", level["index"])
+    block.indices[i] = level.get("index", i)
     given = level.get("parameters", {})
-    _check_keys(f"{at}.parameters", given, (), [p.__name__ for p in layout.parameters])
-    for column, parameter in enumerate(layout.parameters):
-        name = parameter.__name__
-        number = _number(f"{at}.parameters.{name}", given[name]) if name in given else parameter.default
-        block.parameters[i, column] = number
-    entities = level["entities"]
-    _check_keys(f"{at}.entities", entities, (), read.slots)
-    for name, entity in entities.items():
-        _read_entity(f"{at}.entities.{_part(name)}", entity, i, read.slots[name], read)
+    _check_names(f"{at}.parameters", given, [p.__name__ for p in layout.parameters])
+    block.parameters[i] = [given.get(p.__name__, p.default) for p in layout.parameters]
+    _check_names(f"{at}.entities", level["entities"], read.slots)
+    for name, entity in level["entities"].items():
+        _read_entity(f"{at}.entities.{name}", entity, i, read.slots[name], read)
     if block.types[i, -1] < 0:  # the floor, which need not be said: its friction is a parameter
         block.types[i, -1] = layout.types.index(GlobalFriction)
         floor = block.parameters[i, layout.parameters.index(FloorFriction)]
@@ -311,10 +279,9 @@ def _read_level(at: str, level: Any, i: int, read: _Read) -> None:
 
 def _read_entity(at: str, entity: Any, i: int, k: int, read: _Read) -> None:
     """Put the entity in slot ``k`` of level ``i`` into the arrays."""
-    _check_keys(at, entity, ("type", "factors"), ("shape", "vertices", "sampled"))
     layout, block = read.layout, read.block
     types = {t.__name__: t for t in layout.slots[k].types}
-    if not isinstance(entity["type"], str) or entity["type"] not in types:
+    if entity["type"] not in types:
         raise LevelError(f"{at}.type: must be {' or '.join(types)}, not {shown(entity['type'])}")
     kind = types[entity["type"]]
     block.types[i, k] = layout.types.index(kind)
@@ -325,84 +292,49 @@ def _read_entity(at: str, entity: Any, i: int, k: int, read: _Read) -> None:
         raise LevelError(f"{at}.vertices: only hulls have vertices, and its 'shape' is {shown(entity.get('shape'))}")
     factors = {f.__name__: f for f in layout.columns if f in kind.declared}
     sampled = entity.get("sampled", {})
-    _check_factors(f"{at}.factors", entity["factors"], kind, factors)
-    _check_factors(f"{at}.sampled", sampled, kind, factors)
+    for part, given in (("factors", entity["factors"]), ("sampled", sampled)):
+        _check_names(f"{at}.{part}", given, factors)
     for name, factor in factors.items():
         if name not in entity["factors"]:
             raise LevelError(f"{at}.factors: '{name}' is absent, which every {kind.__name__} has")
         part = slice(layout.columns[factor], layout.columns[factor] + factor.width)
-        block.values[i, k, part] = value = _value(f"{at}.factors.{name}", entity["factors"][name], factor)
+        block.values[i, k, part] = value = _value(f"{at}.factors.{name}", entity["factors"][name], factor.width)
         block.sampled_values[i, k, part] = (
-            _value(f"{at}.sampled.{name}", sampled[name], factor) if name in sampled else value
+            _value(f"{at}.sampled.{name}", sampled[name], factor.width) if name in sampled else value
         )
 
 
-def _part(name: str) -> str:
-    """A name as a part of a place."""
-    return name if name.isidentifier() else shown(name)
+def _check_names(at: str, given: Collection[str], known: Collection[str]) -> None:
+    """Raise :class:`LevelError` where a name is not one of those that are known."""
+    for name in given:
+        if name not in known:
+            raise LevelError(f"{at}: has no {shown(name)}.{did_you_mean(name, known)}")
 
 
-def _check_factors(at: str, given: Any, kind: type[Entity], factors: Mapping[str, type[Factor]]) -> None:
-    """Raise :class:`LevelError` unless these are factors of an entity of that type, by name."""
-    if isinstance(given, dict):
-        for name in given:
-            if name not in factors:
-                raise LevelError(f"{at}: a {kind.__name__} has no factor {shown(name)}.{did_you_mean(name, factors)}")
-        return
-    raise LevelError(f"{at}: must be a mapping, not {shown(given)}")
-
-
-def _shape(at: str, given: Any, kind: type[Entity]) -> int:
+def _shape(at: str, given: str | None, kind: type[Entity]) -> int:
     """The code of a shape; none is given where the type has none."""
     known = [name for name in SHAPES if (name is None) == (Shape not in kind.declared)]
-    if not isinstance(given, (str, type(None))) or given not in known:
+    if given not in known:
         must = "'circle' or 'hull'" if Shape in kind.declared else f"null, because a {kind.__name__} has no shape"
         raise LevelError(f"{at}: must be {must}, not {shown(given)}")
     return SHAPES[given]
 
 
-def _vertices(at: str, entity: Mapping[str, Any]) -> list[tuple[float, float]]:
+def _vertices(at: str, entity: Mapping[str, Any]) -> list[list[float]]:
     """The vertices of a hull."""
-    given = entity.get("vertices")
-    if not isinstance(given, list) or not 3 <= len(given) <= MOST_VERTICES:
+    given = entity.get("vertices", ())
+    if not 3 <= len(given) <= MOST_VERTICES:
         raise LevelError(
-            f"{at}.vertices: a hull needs a list of 3 to {MOST_VERTICES} places, counter-clockwise, not {shown(given)}"
+            f"{at}.vertices: a hull needs 3 to {MOST_VERTICES} places, counter-clockwise, and there are {len(given)}"
         )
-    return [_pair(f"{at}.vertices[{j}]", vertex) for j, vertex in enumerate(given)]
+    return [_value(f"{at}.vertices[{j}]", vertex, 2) for j, vertex in enumerate(given)]
 
 
-def _value(at: str, given: Any, factor: type[Factor]) -> float | tuple[float, float]:
-    return _number(at, given) if factor.width == 1 else _pair(at, given)
-
-
-def _pair(at: str, given: Any) -> tuple[float, float]:
-    if not isinstance(given, list) or len(given) != 2:
-        raise LevelError(f"{at}: must be a list of two numbers, not {shown(given)}")
-    return _number(f"{at}[0]", given[0]), _number(f"{at}[1]", given[1])
-
-
-def _number(at: str, given: Any) -> float:
-    if isinstance(given, bool) or not isinstance(given, (int, float)) or not math.isfinite(given):
-        raise LevelError(f"{at}: must be a finite number, not {shown(given)}")
-    return float(given)
-
-
-def _index(at: str, given: Any) -> int:
-    if isinstance(given, bool) or not isinstance(given, int) or given < 0:
-        raise LevelError(f"{at}: must be a whole number that is not negative, not {shown(given)}")
+def _value(at: str, given: Any, width: int) -> Any:
+    """A number, or a list of two numbers."""
+    if isinstance(given, list) != (width == 2) or (width == 2 and len(given) != 2):
+        raise LevelError(f"{at}: must be {'a list of two numbers' if width == 2 else 'a number'}, not {shown(given)}")
     return given
-
-
-def _check_keys(at: str, given: Any, needed: Collection[str], others: Collection[str] = ()) -> None:
-    """Raise :class:`LevelError` unless this is a mapping that has what it needs, and nothing that is not known."""
-    if not isinstance(given, dict):
-        raise LevelError(f"{at}: must be a mapping, not {shown(given)}")
-    for name in given:
-        if name not in needed and name not in others:
-            raise LevelError(f"{at}: has no {shown(name)}.{did_you_mean(name, [*needed, *others])}")
-    for name in needed:
-        if name not in given:
-            raise LevelError(f"{at}: '{name}' is absent")
 
 
 # What both directions ask for.

@@ -20,7 +20,7 @@ from segar.language import Entity, Layout, Parameter
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
 from segar.levels.from_entities import arrays_of_entities
 from segar.levels.level_data import LEVEL_ARRAYS, LevelData
-from segar.levels.level_json import fields_of, is_json, read_json, told_with_line, write_json
+from segar.levels.level_json import fields_of, is_json, read_json, write_json
 from segar.levels.sampling.placement import fix_block
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
@@ -62,10 +62,7 @@ class Levels(LevelData):
         _require_world(world)
         path = Path(path)
         levels = cls(**(read_json if is_json(path) else _read_npz)(path, world), world=world)
-        try:
-            check_levels(levels, f"{path}: ")
-        except LevelError as error:
-            raise (LevelError(told_with_line(path, str(error))) if is_json(path) else error) from error.__cause__
+        check_levels(levels, f"{path}: ")
         return levels
 
     @classmethod

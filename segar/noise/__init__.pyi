@@ -6,7 +6,6 @@ from .distances import as_noise as as_noise
 from .line_distances import ks_line as ks_line
 from .locations import (
     CenterLocation as CenterLocation,
-    GaussianNoise2D,
     Independent,
     RandomBottomLeftLocation as RandomBottomLeftLocation,
     RandomBottomLocation,
@@ -27,7 +26,7 @@ from .wrapped import VonMises, Wrapped, wrap as wrap
 
 __all__ = [
     "Affine", "Bernoulli", "Choice", "Deterministic", "DiscreteRangeNoise", "Empirical", "GaussianMixtureNoise",
-    "GaussianNoise", "GaussianNoise2D", "Independent", "LogUniform", "Mixture", "Noise", "RandomBottomLocation",
+    "GaussianNoise", "Independent", "LogUniform", "Mixture", "Noise", "RandomBottomLocation",
     "RandomEdgeLocation", "RandomMiddleLocation", "RandomTopLocation", "RandomUniformLocation",
     "TruncatedGaussianNoise", "UniformNoise", "VonMises", "Wrapped", "locations",
 ]  # fmt: skip

@@ -168,7 +168,7 @@ class Noise(ABC):
     def ks(self, other: Any) -> float:
         """Kolmogorov-Smirnov distance to another distribution or to a constant: the largest difference of the two
         ``cdf``; on the circle Kuiper's (1960), the largest difference of the masses of an arc."""
-        return DISTANCES["ks"](self, other)
+        return self.ks_estimate(other).value
 
     def ks_estimate(self, other: Any) -> Estimate:
         """``ks(other)`` with a bound of its error; see :mod:`segar.noise.distances`."""

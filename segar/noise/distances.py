@@ -15,8 +15,7 @@ from segar.errors import PriorError
 from segar.noise.base import DISTANCES, Noise, check_width
 from segar.noise.continuous import GaussianNoise, UniformNoise
 from segar.noise.discrete import Deterministic, DiscreteNoise
-from segar.noise.line_distances import greatest_difference, ks_line, supremum, w2_line, w2_on_circle
-from segar.noise.locations import GaussianNoise2D
+from segar.noise.line_distances import supremum, w2_line, w2_on_circle
 from segar.noise.mixture import MixtureNoise
 from segar.noise.transforms import Affine
 from segar.noise.wrapped import Wrapped
@@ -50,23 +49,12 @@ def w2_estimate(a: Noise, other: Any) -> Estimate:
     return w2_plane(a, b) if a.width == 2 else w2_line(a, b)
 
 
-def ks(a: Noise, other: Any) -> float:
-    """The supremum of ``|a.cdf - b.cdf|``, on the line or on the plane.
-
-    On the circle Kuiper's distance: the largest difference of the masses of an arc, wherever the circle is cut.
-    """
-    b = as_noise(other)
-    period = _period(a, b)
-    if a.width == 2:
-        return ks_plane(a, b)
-    if period is None:
-        return ks_line(a, b)
-    a, b = Wrapped(a, period), Wrapped(b, period)
-    return greatest_difference(a, b) + greatest_difference(b, a)
-
-
 def ks_estimate(a: Noise, other: Any) -> Estimate:
-    """``ks`` and a bound of its error, at most 1e-6 on the line and on the circle unless the difference is flat."""
+    """The supremum of ``|a.cdf - b.cdf|`` on the line or on the plane, and a bound of its error.
+
+    On the circle Kuiper's distance: the largest difference of the masses of an arc, wherever the circle is cut. The error
+    is at most 1e-6 on the line and on the circle unless the difference is flat.
+    """
     b = as_noise(other)
     period = _period(a, b)
     if a.width == 2:
@@ -80,7 +68,7 @@ def ks_estimate(a: Noise, other: Any) -> Estimate:
     return Estimate(above.value + below.value, above.error + below.error)
 
 
-DISTANCES.update(w2_estimate=w2_estimate, ks=ks, ks_estimate=ks_estimate)
+DISTANCES.update(w2_estimate=w2_estimate, ks_estimate=ks_estimate)
 
 
 def _period(a: Noise, b: Noise) -> float | None:
@@ -137,8 +125,6 @@ def w2_plane(a: Noise, b: Noise) -> Estimate:
     Raises:
         PriorError: a distribution says neither its atoms nor its distribution function.
     """
-    if isinstance(a, GaussianNoise2D) and isinstance(b, GaussianNoise2D) and a.clip is None and b.clip is None:
-        return Estimate(_gaussians(a, b))
     if a.components is not None and b.components is not None:
         parts = [x.w2_estimate(y) for x, y in zip(a.components, b.components, strict=True)]
         return Estimate(math.hypot(*(part.value for part in parts)), math.hypot(*(part.error for part in parts)))
@@ -169,16 +155,6 @@ def ks_plane_estimate(a: Noise, b: Noise) -> Estimate:
     first, second = (one.cdf(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)) for one in (a, b))
     bound = np.maximum(first[1:, 1:] - second[:-1, :-1], second[1:, 1:] - first[:-1, :-1])
     return Estimate(value, max(0.0, float(bound.max()) - value))
-
-
-def _gaussians(a: Any, b: Any) -> float:
-    """Closed form (Dowson and Landau 1982): |m1-m2|^2 + tr(A + B - 2 (B^1/2 A B^1/2)^1/2)."""
-    first, second = np.array(a.cov), np.array(b.cov)
-    values, vectors = np.linalg.eigh(second)
-    root = (vectors * np.sqrt(np.clip(values, 0, None))) @ vectors.T
-    cross = np.sqrt(np.clip(np.linalg.eigvalsh(root @ first @ root), 0, None)).sum()
-    square = np.sum((np.array(a.loc) - np.array(b.loc)) ** 2) + np.trace(first) + np.trace(second) - 2 * cross
-    return math.sqrt(max(float(square), 0.0))
 
 
 def _transport(x: np.ndarray, p: np.ndarray, y: np.ndarray, q: np.ndarray) -> float:

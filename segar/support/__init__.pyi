@@ -38,11 +38,11 @@ from .imports import (
     need_pygame as need_pygame,
 )
 from .json_forms import (
+    check_form as check_form,
     from_json as from_json,
     misfit as misfit,
     read_handwritten_json as read_handwritten_json,
     shown as shown,
-    with_line as with_line,
 )
 from .npz import (
     DAMAGE as DAMAGE,

@@ -105,19 +105,12 @@ class LevelGenerator:
         edges = np.cumsum(np.asarray(p, dtype=float))[:-1]
         return members[np.searchsorted(edges, self.random(size), side="right")]
 
-    def permuted(self, x: Any, axis: int = 1) -> np.ndarray:
-        """A copy of ``x`` (first axis the level) with each slice along ``axis`` shuffled by itself."""
-        x = np.asarray(x)
-        if not 0 < axis < x.ndim:
-            raise PriorError(f"permuted: axis {axis} is not an axis after the first one (levels are never mixed)")
-        return np.take_along_axis(x, np.argsort(self.random(x.shape), axis=axis, kind="stable"), axis=axis)
-
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
         raise PriorError(
-            f"level randomness has no method '{name}'; it offers random, uniform, standard_normal, normal, integers,"
-            " choice and permuted. Other distributions: invert their cdf, distribution.icdf(rng.random(size))"
+            f"level randomness has no method '{name}'; it offers random, uniform, standard_normal, normal, integers"
+            " and choice. Other distributions: invert their cdf, distribution.icdf(rng.random(size))"
         )
 
     def _bits(self, size: Any) -> np.ndarray:

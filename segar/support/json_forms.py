@@ -2,9 +2,8 @@
 
 import json
 import math
-import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from segar.errors import SegarError, did_you_mean
 from segar.support.npz import first_line
 
 LARGEST_INTEGER = 2**64  # in size; larger ones have no place in an array
-STEP = re.compile(r"\[(\d+)\]|'([^']*)'|(\w+)")  # of a place: an index, an odd name, a name
 LONGEST_SHOWN = 60  # [characters] of a wrong value in a message
 
 
@@ -60,63 +58,6 @@ def read_handwritten_json(path: Path, kind: str, error: type[SegarError]) -> Any
         raise error(f"{path} is not {kind}, or only part of one: {first_line(cause)}") from cause
 
 
-def with_line(path: Path, message: str, steps: Sequence[str | int] = ()) -> str:
-    """A message about a JSON file, with the line of the place that it names behind it; as it is where it names none.
-
-    ``steps``, keys and indices, lead to the place where they are given. Else a place is written as
-    ``levels[0].entities.goal.factors``; a key in quotation marks after it is looked for there.
-    """
-    found = re.match(rf"{re.escape(str(path))}: ((?:\w+|\['[^']*'\]|'[^']*'|\[\d+\]|\.)+): (.*)", message, re.S)
-    if found is None and not steps:
-        return message
-    named = None
-    if found is not None and not steps:
-        steps = [int(k) if k else name or odd for k, odd, name in STEP.findall(found[1])]
-        named = re.search(r"'([^']*)'", found[2])
-    try:
-        text = path.read_text(encoding="utf-8")
-        at = next(
-            p for p in (place_of(text, [*steps, named[1]] if named else steps), place_of(text, steps)) if p is not None
-        )
-    except (OSError, ValueError, StopIteration, RecursionError):
-        return message
-    return f"{message} (line {text.count(chr(10), 0, at) + 1})"
-
-
-def place_of(text: str, steps: Sequence[str | int]) -> int | None:
-    """Where the part of a JSON text starts that these keys and indices lead to; None where they lead nowhere.
-
-    Raises:
-        ValueError: it is no JSON text.
-    """
-    decoder, at = json.JSONDecoder(), _blank(text, 0)
-    for step in steps:
-        if text[at] != ("[" if isinstance(step, int) else "{"):
-            return None
-        at, count = _blank(text, at + 1), 0
-        while True:
-            if text[at] in "]}":
-                return None
-            start, key = at, None
-            if isinstance(step, str):
-                key, at = decoder.raw_decode(text, at)
-                at = _blank(text, _blank(text, at) + 1)
-            if step == (count if key is None else key):
-                at = start if step is steps[-1] else at
-                break
-            _, at = decoder.raw_decode(text, at)
-            at, count = _blank(text, at), count + 1
-            at = _blank(text, at + 1) if text[at] == "," else at
-    return at
-
-
-def _blank(text: str, at: int) -> int:
-    """The place of the next character that is no blank."""
-    while text[at : at + 1].isspace():
-        at += 1
-    return at
-
-
 def shown(value: Any) -> str:
     """A value from a JSON text in short, for messages: one line, whatever it is."""
     if isinstance(value, (list, dict)):
@@ -137,16 +78,43 @@ def misfit(value: Any, form: Any, at: str = "", only: bool = False) -> str | Non
     "'seed' must be int, not '3'"
     """
     if isinstance(form, tuple):
-        return None if any(misfit(value, one, at, only) is None for one in form) else _wrong(value, form, at)
+        found = [misfit(value, one, at, only) for one in form]
+        within = [
+            wrong for one, wrong in zip(form, found, strict=True) if isinstance(one, list) and isinstance(value, list)
+        ]
+        return None if None in found else next(iter(within), _wrong(value, form, at))
     if isinstance(form, list):
         if not isinstance(value, list):
             return _wrong(value, form, at)
-        found = (misfit(item, form[0], f"{at}[{k}]", only) for k, item in enumerate(value))
-        return next((wrong for wrong in found if wrong), None)
+        items = (misfit(item, form[0], f"{at}[{k}]", only) for k, item in enumerate(value))
+        return next((wrong for wrong in items if wrong), None)
     if isinstance(form, Mapping):
         return _misfit_of_mapping(value, form, at, only)
     fits = value is None if form is None else _is(value, form)
     return None if fits else _wrong(value, form, at)
+
+
+def check_form(
+    where: str, data: Any, kind: str, name: str, version: int, form: Mapping[str, Any], error: type[SegarError]
+) -> None:
+    """Raise an error unless data from a JSON text have the format ``name``, in a version that can be read, and the form.
+
+    Args:
+        where: the file, and the place in it.
+        kind: what the data should be, as "a level file in JSON".
+    """
+    found = data.get("format") if isinstance(data, dict) else data
+    if found != name:
+        raise error(f"{where} is not {kind}, whose 'format' is '{name}'; there is {shown(found)}")
+    wrong = misfit(data, {"version": int})
+    if wrong is None and data["version"] < 1:
+        wrong = f"'version' must be 1 to {version}, not {data['version']}"
+    if wrong is None and data["version"] > version:
+        raise error(
+            f"{where} has version {data['version']} of its format, and this SEGAR reads up to {version}; install a newer one"
+        )
+    if wrong := wrong or misfit(data, form, only=True):
+        raise error(f"{where}: {wrong}")
 
 
 def _whole_number(digits: str) -> int | float:
@@ -168,7 +136,8 @@ def _misfit_of_mapping(value: Any, form: Mapping[Any, Any], at: str, only: bool)
     if not isinstance(value, dict):
         return _wrong(value, form, at)
     if str in form:
-        parts = [(f"{at}.{key}".lstrip("."), item, form[str]) for key, item in value.items()]
+        names = {key: key if key.isidentifier() else shown(key) for key in value}
+        parts = [(f"{at}.{names[key]}".lstrip("."), item, form[str]) for key, item in value.items()]
     else:
         names = {key.removesuffix("?"): part for key, part in form.items()}
         absent = [key for key in form if not key.endswith("?") and key not in value]

@@ -196,50 +196,56 @@ def edit(place: str, value: object):
 
 BALL = "levels/2/entities/golfball"
 FLOOR = "levels/1/entities/global_friction"
+GOAL = {"type": "GoalTile", "factors": {}}
 # What is edited, to which value; where the message says that something is wrong, empty for the whole file, and what it names.
 WRONG = {
-    "a factor misspelt": (f"{BALL}/factors/Mas", 1.0, f"{BALL}/factors", "GolfBall.*'Mas'.*'Mass'"),
-    "a factor of others": (f"{BALL}/factors/Heat", 1.0, f"{BALL}/factors", "GolfBall.*'Heat'"),
+    "a factor misspelt": (f"{BALL}/factors/Mas", 1.0, f"{BALL}/factors", "'Mas'.*'Mass'"),
+    "a factor of others": (f"{BALL}/factors/Heat", 1.0, f"{BALL}/factors", "has no 'Heat'"),
     "a factor absent": (f"{BALL}/factors/Mass", ..., f"{BALL}/factors", "'Mass' is absent.*GolfBall"),
-    "a text for a number": (f"{BALL}/factors/Mass", "1", f"{BALL}/factors/Mass", "finite number, not '1'"),
-    "a truth for a number": (f"{BALL}/factors/Mass", True, f"{BALL}/factors/Mass", "finite number, not True"),
-    "NaN": (f"{BALL}/factors/Mass", np.nan, f"{BALL}/factors/Mass", "finite number, not nan"),
-    "Infinity": (f"{BALL}/factors/Position", [0.0, np.inf], f"{BALL}/factors/Position[1]", "finite number, not inf"),
-    "NaN that was drawn": (f"{BALL}/sampled", {"Mass": np.nan}, f"{BALL}/sampled/Mass", "finite number"),
-    "NaN in the description": ("description/moments/0/mean", [np.nan], "description", "'moments.0.*mean.0.*nan"),
+    "a text for a number": (f"{BALL}/factors/Mass", "1", f"{BALL}/factors/Mass", "list of float, not '1'"),
+    "a truth for a number": (f"{BALL}/factors/Mass", True, f"{BALL}/factors/Mass", "list of float, not True"),
+    "NaN": (f"{BALL}/factors/Mass", np.nan, f"{BALL}/factors/Mass", "list of float, not nan"),
+    "Infinity": (f"{BALL}/factors/Position", [0.0, np.inf], f"{BALL}/factors/Position[1]", "float, not inf"),
+    "NaN that was drawn": (f"{BALL}/sampled", {"Mass": np.nan}, f"{BALL}/sampled/Mass", "list of float, not nan"),
+    "NaN in the description": (
+        "description/moments/0/mean",
+        [np.nan],
+        "description/moments/0/mean/0",
+        "float, not nan",
+    ),
     "one number of two": (
         f"{BALL}/factors/Position",
         [0.0],
         f"{BALL}/factors/Position",
         "two numbers, not a list of 1",
     ),
-    "two numbers for one": (f"{BALL}/factors/Mass", [1.0, 2.0], f"{BALL}/factors/Mass", "finite number, not a list"),
+    "two numbers for one": (f"{BALL}/factors/Mass", [1.0, 2.0], f"{BALL}/factors/Mass", "a number, not a list of 2"),
     "a mass that cannot be": (f"{BALL}/factors/Mass", -1.0, "level 2", "Mass of 'golfball' is -1"),
-    "a drawn factor of others": (f"{BALL}/sampled", {"Heat": 1.0}, f"{BALL}/sampled", "GolfBall.*'Heat'"),
+    "a drawn factor of others": (f"{BALL}/sampled", {"Heat": 1.0}, f"{BALL}/sampled", "has no 'Heat'"),
     "another type": (f"{BALL}/type", "Golfball", f"{BALL}/type", "GolfBall, not 'Golfball'"),
-    "a nested type": (f"{BALL}/type", [[]], f"{BALL}/type", "GolfBall, not a list of 1"),
+    "a nested type": (f"{BALL}/type", [[]], f"{BALL}/type", "str, not a list of 1"),
     "another shape": (f"{BALL}/shape", "square", f"{BALL}/shape", "'circle' or 'hull', not 'square'"),
     "no shape": (f"{BALL}/shape", ..., f"{BALL}/shape", "'circle' or 'hull', not None"),
-    "a list for a shape": (f"{BALL}/shape", [], f"{BALL}/shape", "'circle' or 'hull', not a list of 0"),
+    "a list for a shape": (f"{BALL}/shape", [], f"{BALL}/shape", "str or null, not a list of 0"),
     "a shape of the floor": (f"{FLOOR}/shape", "circle", f"{FLOOR}/shape", "null.*GlobalFriction"),
-    "a hull without vertices": (f"{BALL}/shape", "hull", f"{BALL}/vertices", "3 to 32767 places.*not None"),
+    "a hull without vertices": (f"{BALL}/shape", "hull", f"{BALL}/vertices", "3 to 32767 places.*there are 0"),
     "vertices of a circle": (f"{BALL}/vertices", [[0, 0], [1, 0], [0, 1]], f"{BALL}/vertices", "hulls"),
-    "an entity misspelt": ("levels/1/entities/golfbal", {}, "levels/1/entities", "'golfbal'.*'golfball'"),
+    "an entity misspelt": ("levels/1/entities/golfbal", GOAL, "levels/1/entities", "'golfbal'.*'golfball'"),
     "an entity absent": (BALL, ..., "levels/2/entities", "'golfball' is absent"),
     "a parameter misspelt": ("levels/1/parameters/Gravitiy", 1.0, "levels/1/parameters", "'Gravitiy'.*'Gravity'"),
     "a parameter that cannot be": ("levels/1/parameters/Gravity", -1.0, "level 1", "Gravity is -1"),
-    "a parameter that is null": ("levels/1/parameters/Gravity", None, "levels/1/parameters/Gravity", "not None"),
-    "a key of a level misspelt": ("levels/0/paramters", {}, "levels/0", "'paramters'.*'parameters'"),
-    "a key of an entity misspelt": (f"{BALL}/sampeld", {}, BALL, "'sampeld'.*'sampled'"),
-    "a key of the description misspelt": ("description/taks", None, "description", "'taks'.*'task'"),
-    "a key of the file misspelt": ("level", [], "the file", "'level'.*'levels'"),
-    "an index below 0": ("levels/0/index", -1, "levels/0/index", "not negative, not -1"),
-    "an index that is no int64": ("levels/0/index", 2**63, "levels/0/index", "whole number"),
-    "no levels": ("levels", [], "levels", "at least one level, not a list of 0"),
+    "a parameter that is null": ("levels/1/parameters/Gravity", None, "levels/1/parameters/Gravity", "float, not None"),
+    "a key of a level misspelt": ("levels/0/paramters", {}, "levels/0/paramters", "not known.*'parameters'"),
+    "a key of an entity misspelt": (f"{BALL}/sampeld", {}, f"{BALL}/sampeld", "not known.*'sampled'"),
+    "a key of the description misspelt": ("description/taks", None, "description/taks", "not known.*'task'"),
+    "a key of the file misspelt": ("level", [], "level", "not known.*'levels'"),
+    "an index below 0": ("levels/0/index", -1, "level 0", "index in the split is -1, below 0"),
+    "an index that is no int64": ("levels/0/index", 2**63, "levels/0/index", "int, not 9.2"),
+    "no levels": ("levels", [], "levels", "at least one level, and is empty"),
     "a level that is none": ("levels/1", 3, "levels/1", "a mapping, not 3"),
     "another floor": ("levels/1/parameters/FloorFriction", 0.5, f"{FLOOR}/factors/Friction", "FloorFriction is 0.5"),
     "a format of others": ("format", "segar-play", "", "'format' is 'segar-levels'"),
-    "a later version": ("version", 2, "", "version 2 of the format"),
+    "a later version": ("version", 2, "", "version 2 of its format"),
     "a type that is not defined": ("description/types/0/name", "Chargr", "", "entity type 'Chargr'"),
     "lines in a name": ("description/slots/0/name", "a\nb", "description", r"'a\\nb' has characters"),
     "room for very many vertices": ("description/most_vertices", 10**9, "description/most_vertices", "1000000000"),
@@ -254,7 +260,8 @@ def test_what_does_not_belong_into_a_level_file_is_refused_with_its_place(what, 
     with pytest.raises(LevelError) as caught:
         Levels.load(written(tmp_path, data))
     said = re.sub(r"/(\d+)", r"[\1]", place).replace("/", ".")
-    assert re.search(rf"x.json: {re.escape(said)}: .*{named}" if said else rf"x.json.*{named}", str(caught.value))
+    said = rf"x.json: (?:{re.escape(said)}:|'{re.escape(said)}') " if said else "x.json"
+    assert re.search(rf"{said}.*{named}", str(caught.value))
     assert "\n" not in str(caught.value)
 
 
@@ -267,7 +274,7 @@ def test_what_does_not_belong_into_a_level_file_is_refused_with_its_place(what, 
         ),
         ('{"format": "segar-levels", "format": 1}', r"x.json .*: the key 'format' stands twice in one mapping"),
         ("[" * 100_000, r"x.json .*: it is nested too deeply"),
-        ("[" * 100 + "]" * 100, r"x.json: it is not a level file in JSON, .*; there is a list of 1"),
+        ("[" * 100 + "]" * 100, r"x.json is not a level file in JSON, .*; there is a list of 1"),
         (b"\xff\xfe\xfa", r"x.json is not a level file in JSON, or only part of one: it is no text in UTF-8"),
         ("", r"x.json is not a level file in JSON, or only part of one: Expecting value: line 1 column 1"),
     ],
@@ -364,25 +371,3 @@ def test_files_fit_the_schema_and_what_is_refused_does_not(name, tmp_path):
     del wrong["levels"][1]["entities"]
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(wrong, level_schema())
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('"Mass": 1.0', '"Mas": 1.0', r"levels\[0\]\.entities\.golfball\.factors: .*'Mas'.*\(line LINE\)"),
-        ('"Mass": 1.0', '"Mass": "heavy"', r"levels\[0\]\.entities\.golfball\.factors\.Mass: must be .*\(line LINE\)"),
-        ('"Mass": 1.0', '"Mass": -1.0', r"Mass.*\(line LINE\)"),
-        ('"golfball": {', '"golfbal": {', r"levels\[0\]\.entities: has no 'golfbal'.*\(line LINE\)"),
-    ],
-)
-@pytest.mark.parametrize("indent", [None, 2])
-def test_errors_say_the_line(tmp_path, old, new, message, indent):
-    path = tmp_path / "levels.json"
-    segar.family("empty-easy").sample(3, seed=0).save(path)
-    if indent:
-        path.write_text(json.dumps(json.loads(path.read_text()), indent=indent))
-    text = path.read_text()
-    path.write_text(text.replace(old, new, 1))
-    line = text[: text.index(old)].count("\n") + 1
-    with pytest.raises(LevelError, match=message.replace("LINE", str(line))):
-        segar.Levels.load(path)
