@@ -14,11 +14,12 @@ from typing import Any
 
 import optuna
 from omegaconf import DictConfig
+from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
 from optuna.trial import FrozenTrial, Trial, TrialState
 
 from experiments.commands.hydra_app import run_command, to_plain
+from experiments.reproduction.grid import with_settings
 from experiments.reproduction.process_pool import Job, JobResult, run_jobs
-from experiments.reproduction.search_space import Dimension, dimensions, with_values
 from experiments.runs.run_folder import lock, runs_root
 from experiments.settings import (
     OWN_TASK,
@@ -27,6 +28,7 @@ from experiments.settings import (
     TrainingError,
     as_data,
     construct,
+    path_of,
     require,
     require_known,
     require_seed,
@@ -40,13 +42,73 @@ from segar.errors import did_you_mean
 
 SHOWN = 5  # trials in the closing table
 ERROR = "error"  # attribute of a failed trial; an interrupted trial has none
+SPACE = "search.space"
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """The values that one setting may take: an interval, or a list of choices."""
+
+    low: float | None = None
+    high: float | None = None
+    log: bool = False  # whether all orders of magnitude are equally likely
+    whole: bool = False  # whether only whole numbers are meant
+
+
+def distributions(space: Mapping[str, Any], place: str = "") -> dict[str, BaseDistribution]:
+    """Dotted name and values of each setting in a space, which is nested as the settings are; choices are JSON, because Optuna
+    takes no lists, such as widths.
+
+    Raises:
+        ConfigError: an entry is neither a group of settings nor an interval nor a list of choices.
+    """
+    found: dict[str, BaseDistribution] = {}
+    for key, value in space.items():
+        name = path_of(place, key)
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"{SPACE}.{name}: {value!r} must say low and high, or choices")
+        if {"low", "high", "choices"} & value.keys():
+            found[name] = _distribution(value, f"{SPACE}.{name}")
+        else:
+            found |= distributions(value, name)
+    return found
+
+
+def _distribution(data: Mapping[str, Any], place: str) -> BaseDistribution:
+    choices = data.get("choices", [])
+    require(isinstance(choices, list), place, choices, "a list of choices")
+    made = construct(Dimension, {k: v for k, v in data.items() if k != "choices"}, place)
+    is_interval = made.low is not None and made.high is not None and made.low < made.high
+    require(bool(choices) != is_interval, place, dict(data), "low and high, low < high; or choices")
+    require(not made.log or (made.low or 0) > 0, place, made.low, "above 0, where log is true")
+    if choices:
+        return CategoricalDistribution([json.dumps(choice) for choice in choices])
+    assert made.low is not None and made.high is not None
+    if made.whole:
+        return IntDistribution(int(made.low), int(made.high), log=made.log)
+    return FloatDistribution(made.low, made.high, log=made.log)
+
+
+def example_of(distribution: Any) -> Any:
+    """One of the values."""
+    return distribution.choices[0] if isinstance(distribution, CategoricalDistribution) else distribution.low
+
+
+def with_values(run: RunConfig, values: Mapping[str, Any]) -> RunConfig:
+    """``run`` with values of Optuna's for some settings; raises :class:`ConfigError` for an unknown name or a wrong value."""
+    try:
+        return with_settings(run, {name: json.loads(x) if isinstance(x, str) else x for name, x in values.items()})
+    except ConfigError as error:
+        raise ConfigError(f"{SPACE}: {error}") from error
 
 
 @dataclass(frozen=True)
 class SearchConfig:
     """The space of a search, its budget, and the figure that it optimises."""
 
-    space: Mapping[str, Any] = field(default_factory=dict)  # see experiments.reproduction.search_space
+    space: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # settings by name, each with a :class:`Dimension` or choices
     trials: int = 20  # in all, those of earlier calls included
     processes: int = 1  # runs at a time
     seeds: int = 1  # runs per trial, of which the mean counts; from ``seed`` upwards
@@ -59,7 +121,7 @@ class SearchConfig:
             require(getattr(self, name) >= 1, f"search.{name}", getattr(self, name), "at least 1")
         require_known("search.direction", self.direction, ("maximize", "minimize"))
         require_seed("search.sampler_seed", self.sampler_seed)
-        dimensions(self.space)
+        distributions(self.space)
 
 
 @dataclass(frozen=True)
@@ -71,9 +133,9 @@ class Search:
     work: Callable[[RunConfig], Mapping[str, float]] = train  # importable by name
 
     @property
-    def space(self) -> dict[str, Dimension]:
+    def space(self) -> dict[str, BaseDistribution]:
         """The settings that vary."""
-        return dimensions(self.config.space)
+        return distributions(self.config.space)
 
     @property
     def name(self) -> str:
@@ -93,7 +155,7 @@ def search(spec: Search) -> optuna.Study:
         TrainingError: all trials failed.
     """
     require(bool(spec.space), "search.space", {}, "one setting or more; search=ppo_fast has some")
-    with_values(spec.run, {name: dimension.example for name, dimension in spec.space.items()})  # before anything runs
+    with_values(spec.run, {name: example_of(one) for name, one in spec.space.items()})  # before anything runs
     folder = runs_root(spec.run) / "searches" / spec.name
     folder.mkdir(parents=True, exist_ok=True)
     with lock(folder):
@@ -101,7 +163,9 @@ def search(spec: Search) -> optuna.Study:
         left = spec.config.trials - sum(map(has_ended, study.get_trials(deepcopy=False)))
         print(f"{spec.name}: {left} of {spec.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
         while left > 0:
-            trials = [study.ask() for _ in range(min(left, max(spec.config.processes // spec.config.seeds, 1)))]
+            trials = [
+                study.ask(spec.space) for _ in range(min(left, max(spec.config.processes // spec.config.seeds, 1)))
+            ]
             jobs = {trial.number: jobs_of(spec, trial, folder / "logs") for trial in trials}
             outcomes = run_jobs([job for some in jobs.values() for job in some], spec.work, spec.config.processes)
             for trial in trials:
@@ -135,8 +199,7 @@ def has_ended(trial: FrozenTrial) -> bool:
 
 def jobs_of(spec: Search, trial: Trial, logs: Any) -> list[Job]:
     """The runs of a trial."""
-    values = {name: dimension.suggest(trial, name) for name, dimension in spec.space.items()}
-    run = dataclasses.replace(with_values(spec.run, values), folder=None)
+    run = dataclasses.replace(with_values(spec.run, trial.params), folder=None)
     runs = [dataclasses.replace(run, seed=run.seed + k) for k in range(spec.config.seeds)]
     return [
         Job(f"trial-{trial.number}-s{one.seed}", one, logs / f"trial-{trial.number}-s{one.seed}.log") for one in runs

@@ -7,8 +7,7 @@ import pytest
 from optuna.trial import TrialState
 
 from experiments.commands.config_store import conf_dir, register_settings
-from experiments.reproduction.search_space import dimensions, with_values
-from experiments.search import SETTINGS, Search, SearchConfig, build, search
+from experiments.search import SETTINGS, Search, SearchConfig, build, distributions, example_of, search, with_values
 from experiments.settings import ConfigError, PPOConfig, RunConfig, TrainingError
 
 SPACE = {
@@ -40,9 +39,7 @@ def searched(tmp_path_factory):
     """A search of six trials, begun with three of them and cut off in a fourth; its folder and both studies."""
     root = tmp_path_factory.mktemp("searched")
     first = search(asked(root))
-    cut_off = first.ask()
-    for name, dimension in dimensions(SPACE).items():
-        dimension.suggest(cut_off, name)
+    cut_off = first.ask(distributions(SPACE))
     return root, cut_off.params, search(asked(root, trials=6))
 
 
@@ -112,4 +109,4 @@ def test_every_shipped_space_names_settings_of_its_algorithm():
             made = build(hydra.compose("search", [f"search={name}"]))
         assert made.space
         assert made.run.levels.test_seed != RunConfig().levels.test_seed
-        with_values(made.run, {key: dimension.example for key, dimension in made.space.items()})
+        with_values(made.run, {key: example_of(one) for key, one in made.space.items()})
