@@ -128,8 +128,8 @@ def collect_tables(results: Path) -> None:
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
-    """The plan that a results folder holds, in which a run that is taken from imported tables has the name that it has
-    there; raises :class:`RunFolderError` if it holds none."""
+    """The plan that a results folder holds, with the runs ``imported`` that are taken from tables of other machines; raises
+    :class:`RunFolderError` if it holds none."""
     try:
         plan = json.loads((folder / PLAN).read_text())
     except (OSError, ValueError) as error:
@@ -138,7 +138,6 @@ def read_plan(folder: Path) -> dict[str, Any]:
         ) from error
     for run in (run for one in plan["experiments"] for run in one["runs"] if run.get("elsewhere")):
         run["imported"] = run["whole"] or not is_finished(Path(plan["runs"]) / run["folder"])
-        run["folder"] = run["elsewhere"] if run["imported"] else run["folder"]
     return plan
 
 

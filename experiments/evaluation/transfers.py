@@ -96,27 +96,17 @@ class Transfer:
         return {**played_code(Prepared(there)), "levels": hash_of_levels(self.levels(run))}
 
     def changed_parts(self, run: RunConfig, code: Mapping[str, str]) -> list[str]:
-        """Names of the parts of ``code``, today's, that were others when this run's agent was tested so; none where it was not.
-
-        Evaluations of earlier releases did not record their code; of these, only the levels are compared.
-        """
-        if not self.is_done(run):
-            return []
-        folder = self.folder(run)
-        before = (read_evaluation(folder) or {}).get("code")
-        if before is not None:
-            return differing_parts(before, code)
-        if self.mixture is not None or not (folder / LEVELS).exists():
-            return []
-        return [] if hash_of_levels(Levels.load(folder / LEVELS)) == code["levels"] else ["levels"]
+        """Names of the parts of ``code``, today's, that were others when this run's agent was tested so; none where it was
+        not."""
+        found = read_evaluation(self.folder(run)) if self.is_done(run) else None
+        return [] if found is None else differing_parts(found.get("code", {}), code)
 
 
 @dataclass(frozen=True)
 class RunTask:
     """A run, the transfers of its agent, and what its probes measure.
 
-    ``imported``: the name by which tables of another machine hold the run; empty where they do not.
-    ``whole``: whether they hold all results of it.
+    ``imported``: whether tables of another machine hold the run; ``whole``: whether they hold all results of it.
     ``changed``: the parts of the code that are others than when the run, finished or not, was made.
     ``retested``: names of the folders of transfers that other code made, which are to be made anew.
     """
@@ -124,7 +114,7 @@ class RunTask:
     run: RunConfig
     transfers: tuple[Transfer, ...] = field(default=())
     probes: ProbeConfig | None = None
-    imported: str = ""
+    imported: bool = False
     whole: bool = False
     changed: tuple[str, ...] = ()
     retested: frozenset[str] = frozenset()

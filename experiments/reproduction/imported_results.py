@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 
 from experiments.evaluation.transfers import RunTask
 from experiments.runs.run_folder import PROBES
-from experiments.settings import ConfigError, RunConfig
+from experiments.settings import ConfigError
 
 RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 
@@ -32,15 +32,13 @@ class ImportedResults:
     transfers: frozenset[tuple[str, str]] = frozenset()
     probed: frozenset[str] = frozenset()
 
-    def name_of(self, run: RunConfig) -> str:
-        """The name by which the tables hold this run; empty where they do not."""
-        return run.label() if self.runs and run.label() in self.runs else ""
-
     def has_all(self, work: RunTask) -> bool:
         """Whether the tables hold all results of this task. Where they lack some, these need the weights."""
-        name = self.name_of(work.run)
-        tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)
-        return bool(name) and tested and (work.probes is None or name in self.probed)
+        if not self.runs:
+            return False
+        label = work.run.label()
+        tested = all((label, one.folder_name()) in self.transfers for one in work.transfers)
+        return label in self.runs and tested and (work.probes is None or label in self.probed)
 
 
 def read_imported_results(folders: Sequence[Path]) -> ImportedResults:

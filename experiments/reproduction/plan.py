@@ -139,21 +139,19 @@ def make_plan(
     for experiment in experiments:
         check_claims(experiment, members[experiment.name])
     changed = changed_code(union.values())
-    stored: dict[str, tuple[str, bool]] = {}
-
-    def known(work: RunTask) -> RunTask:
-        label = work.run.label()
+    for label, work in union.items():
         retested = changed.retested(label) if work.run.stale == "anew" else frozenset()
         parts = tuple({**changed.unfinished, **changed.finished}.get(label, ()))
-        name, whole = stored.get(label, ("", False))
-        return dataclasses.replace(work, imported=name, whole=whole, changed=parts, retested=retested)
-
-    union = {label: known(work) for label, work in union.items()}
-    here = {label for label, work in union.items() if work.is_done_here()}
-    elsewhere = {label: work for label, work in union.items() if label not in here}
-    stored |= {label: (imported.name_of(work.run), imported.has_all(work)) for label, work in elsewhere.items()}
-    union = {label: known(work) for label, work in union.items()}
-    members = {name: tuple(map(known, works)) for name, works in members.items()}
+        work = dataclasses.replace(work, changed=parts, retested=retested)
+        if not work.is_done_here():
+            work = dataclasses.replace(work, imported=label in imported.runs, whole=imported.has_all(work))
+        union[label] = work
+    members = {
+        name: tuple(
+            dataclasses.replace(union[one.run.label()], transfers=one.transfers, probes=one.probes) for one in works
+        )
+        for name, works in members.items()
+    }
     studies = [
         StudyTask(e.name, e.study, tuple(e.options.items()), results / "studies" / e.name)
         for e in experiments
