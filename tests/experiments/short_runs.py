@@ -1,5 +1,8 @@
 """Runs of a second, ways to end them, and what two of them have in common."""
 
+import os
+import subprocess
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -10,7 +13,15 @@ import torch
 from experiments.algorithms.checkpoint import read_checkpoint
 from experiments.algorithms.ppo import PPO
 from experiments.runs.run_folder import CHECKPOINT, read_episodes, read_metrics
-from experiments.settings import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
+from experiments.settings import (
+    CHECKOUT,
+    EvaluationConfig,
+    LevelsConfig,
+    PPOConfig,
+    RunConfig,
+    ScaleConfig,
+    TrackingConfig,
+)
 
 FRAMES = 64  # of an iteration
 ITERATIONS = 4
@@ -30,6 +41,13 @@ COMMAND = (
     "checkpoint_interval=0",
     "progress=false",
 )
+
+
+def run_module(module, *arguments, cwd=CHECKOUT, **environment):
+    """What ``python -m <module>`` does in a working directory, where a user's modules may lie: the process, which has ended."""
+    environment = {**os.environ, "PYTHONPATH": f"{CHECKOUT}{os.pathsep}{cwd}", **environment}
+    command = [sys.executable, "-m", module, *arguments]
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
 
 
 def short_run(folder: Path, **changes: Any) -> RunConfig:

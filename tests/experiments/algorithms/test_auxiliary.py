@@ -245,10 +245,3 @@ def test_states_are_refused_as_they_have_no_pixels():
 def test_settings_that_make_no_sense_are_refused_by_name(name, setting, value, wanted):
     with pytest.raises(ConfigError, match=rf"algorithm\.{setting}: .*({wanted})"):
         dataclasses.replace(CONFIGS[name], **{setting: value})
-
-
-def test_frames_of_a_batch_get_windows_of_their_own():
-    one = learner(CONFIGS["curl"])
-    frame = torch.randint(0, 256, (1, 64, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
-    views = one.augmented(frame.expand(12, -1, -1, -1))
-    assert len({tuple(view.flatten().tolist()) for view in views}) > 6

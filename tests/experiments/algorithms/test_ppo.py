@@ -12,12 +12,9 @@ from tensordict import TensorDict
 from experiments.algorithms.ppo import PPO
 from experiments.collection.collector import Rollout
 from experiments.collection.rewards import ReturnScale, learner_reward
-from experiments.commands.hydra_app import compose
-from experiments.evaluation.episodes import play_episodes
-from experiments.levels.builders import make_levels
 from experiments.networks.encoders import MLP, FrameEncoder
 from experiments.networks.policies import SquashedNormal
-from experiments.settings import ConfigError, LevelsConfig, PPOConfig, ScaleConfig
+from experiments.settings import ConfigError, PPOConfig, ScaleConfig
 from experiments.training.run import run
 from segar import family
 from segar.envs import VectorEnv
@@ -116,17 +113,6 @@ def test_advantages_are_those_of_their_definition(seed):
     expected = plain_advantages(config, rollout)
     np.testing.assert_allclose(batch["advantage"], expected, atol=1e-5)
     np.testing.assert_allclose(batch["value_target"], expected + rollout.value, atol=1e-5)
-
-
-def test_a_terminated_step_looks_at_no_next_value_and_a_truncated_one_does():
-    rollout = random_rollout(steps=1, envs=2)
-    rollout.done = torch.tensor([[[True], [True]]])
-    rollout.terminated = torch.tensor([[[True], [False]]])
-    ppo = learner()
-    before = ppo.make_batch(rollout)["advantage"].clone()
-    rollout.next_value += 1.0
-    change = ppo.make_batch(rollout)["advantage"] - before
-    np.testing.assert_allclose(change.flatten(), [0.0, SMALL.gamma], atol=1e-6)
 
 
 def test_the_squashed_law_integrates_to_one_and_has_the_entropy_of_its_density():
@@ -234,21 +220,6 @@ def test_policy_and_value_share_a_cnn_but_no_mlp_where_that_is_left_open():
         assert policy.shared is shared
         encoders = [m for m in policy.modules() if isinstance(m, MLP | FrameEncoder)]
         assert len(encoders) == (1 if shared else 2)
-
-
-def test_ppo_learns():
-    config = compose(["algorithm=ppo_fast"]).algorithm
-    train, test = make_levels(LevelsConfig(train="empty-easy", count=50, test_count=50))
-    ppo = PPO(config, PPO.make_env(train, config.num_envs, seed=0), 40_000, 0)
-
-    def test_return():
-        rows = play_episodes(ppo.policy, test, np.arange(50), {}, rng=None, seed=0)
-        return np.mean([row["return"] for row in rows])
-
-    untrained = test_return()
-    while ppo.frames < ppo.budget:
-        ppo.iterate()
-    assert test_return() > untrained / 3  # returns are negative
 
 
 @pytest.mark.parametrize(("config", "shown"), [(SMALL, "state"), (PIXELS, "rgb")])

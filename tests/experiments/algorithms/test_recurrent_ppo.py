@@ -48,20 +48,6 @@ def test_sequences_give_what_the_steps_of_their_collection_gave(core, trials):
     assert rollout.memory.abs().min() > 0
 
 
-@pytest.mark.parametrize("core", ["gru", "lstm"])
-def test_nothing_is_remembered_from_the_episode_before(core):
-    one = learner(dataclasses.replace(SMALL, core=core))
-    rollout, _ = one.collect()
-    forgotten = torch.zeros(8, one.policy.memory_width)
-    begins = rollout.done[:-1, :, 0].nonzero()
-    assert len(begins) > 5
-    for t, env in begins.tolist():
-        with torch.no_grad():
-            loc, _, value, _ = one.policy.step(rollout.observation[t + 1], forgotten)
-        torch.testing.assert_close(loc[env], rollout.loc[t + 1, env])
-        torch.testing.assert_close(value[env], rollout.value[t + 1, env])
-
-
 def test_over_the_trials_of_a_level_everything_is_remembered_and_nothing_beyond():
     one = learner(trials=3)
     forgotten, kept, lost = torch.zeros(8, one.policy.memory_width), 0, 0

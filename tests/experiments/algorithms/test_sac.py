@@ -1,6 +1,5 @@
 """SAC and DrQ: targets by hand, who gets which gradient, and steps that are those of the plain environment."""
 
-import copy
 import dataclasses
 
 import numpy as np
@@ -204,14 +203,6 @@ def test_losses_reach_exactly_whom_they_should_behind_a_cnn():
     assert {id(w) for w in one.policy.parameters()} == {id(w) for name in ("cnn", "policy") for w in parts[name]}
     learned = {id(w) for group in one.optimizer.param_groups for w in group["params"]}
     assert learned == {id(w) for name, weights in parts.items() if name != "targets" for w in weights}
-
-
-@pytest.mark.parametrize("config", [SMALL, FRAMES])
-def test_a_new_learner_goes_on_from_the_state_of_one_that_has_learned(config):
-    one, other = learner(config), learner(config, seed=1)
-    one.iterate()
-    other.load_state_dict(copy.deepcopy(one.state_dict()))
-    assert one.iterate() == other.iterate()
 
 
 def test_what_follows_is_seen_by_the_slow_cnn_for_critics_and_by_the_quick_one_for_the_policy(monkeypatch):

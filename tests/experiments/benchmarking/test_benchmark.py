@@ -2,9 +2,6 @@
 
 import dataclasses
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +27,6 @@ from experiments.benchmarking.row import EPISODES, ROW, TABLE, add_pieces, file_
 from experiments.benchmarking.verification import verify
 from experiments.commands.overrides import with_own_names
 from experiments.settings import (
-    CHECKOUT,
     ConfigError,
     ObservationConfig,
     PPOConfig,
@@ -43,6 +39,7 @@ from experiments.settings import (
 from segar.policies import Network, NetworkPolicy
 from segar.suites import AXES, CORE, evaluate_on_suite, find_causes, outline, suite, twins
 from tests.experiments.benchmarking import lab_method
+from tests.experiments.short_runs import run_module
 
 SUITE = "place-few-v1"
 WITH_TWINS = "sight-mass-v1"
@@ -345,29 +342,15 @@ def test_shipped_rows_are_small_and_of_the_suites_that_there_are():
 def test_jobs_of_a_launcher_add_to_one_row(tmp_path, launcher):
     asked = [f"hydra/launcher={launcher}", f"suite={SUITE}", "seed=1,2", "seeds=1", "budget=open", "scale.frames=2_000"]
     common = ["report=false", "processes=1", "tracking=none", "observation=state", "algorithm=ppo_fast"]
-    command = [
-        sys.executable,
-        "-m",
-        "experiments.benchmark",
-        "--multirun",
-        *asked,
-        *common,
-        f"root={tmp_path / 'runs'}",
-    ]
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    done = run_module("experiments.benchmark", "--multirun", *asked, *common, f"root={tmp_path / 'runs'}", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     row = read_row(tmp_path / "runs" / "benchmark" / "ppo_fast-state-open")
     assert [piece.seed for piece in row.pieces] == [1, 2]
 
 
 def test_the_command_verifies_and_explains_itself():
-    command = [sys.executable, "-m", "experiments.benchmark"]
-    shown = subprocess.run([*command, "--help"], cwd=CHECKOUT, capture_output=True, text=True, check=True).stdout
-    assert "suite=core" in shown and "verify=ROW" in shown
-    done = subprocess.run([*command, "verify=idle", f"suite={SUITE}"], cwd=CHECKOUT, capture_output=True, text=True)
+    assert "suite=core" in run_module("experiments.benchmark", "--help").stdout
+    done = run_module("experiments.benchmark", "verify=idle", f"suite={SUITE}")
     assert done.returncode == 0 and "episodes are equal to the bit" in done.stdout, done.stderr
-    both = subprocess.run([*command, "algorithm=sac", "policy=a:b"], cwd=CHECKOUT, capture_output=True, text=True)
-    assert both.returncode == 1 and both.stderr.startswith("error: algorithm: policy is of a method that was trained")
-    wrong = subprocess.run([*command, "verify=idel"], cwd=CHECKOUT, capture_output=True, text=True)
+    wrong = run_module("experiments.benchmark", "verify=idel")
     assert wrong.returncode == 1 and "there is no row 'idel'. Did you mean 'idle'?" in wrong.stderr

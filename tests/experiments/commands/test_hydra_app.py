@@ -20,10 +20,7 @@ from experiments.commands.overrides import VALUE, parse, quoted, single_runs, un
 from experiments.levels.builders import levels_in
 from experiments.runs.run_folder import read_config, run_folders
 from experiments.settings import CHECKOUT, KINDS, ConfigError, RunConfig, as_data, run_config
-from segar import families
-from segar.observations import OBSERVATIONS
-from segar.tasks import TASKS
-from tests.experiments.short_runs import COMMAND
+from tests.experiments.short_runs import COMMAND, run_module
 
 SWEEP = """
 # @package _global_
@@ -87,15 +84,14 @@ def my_lab(tmp_path, monkeypatch):
         del sys.modules[name]
 
 
-def command(module, *arguments):
+def in_folder(module, *arguments):
     """What ``python -m <module>`` does in the working directory."""
-    environment = {**os.environ, "PYTHONPATH": f"{CHECKOUT}{os.pathsep}{os.getcwd()}"}
-    return subprocess.run([sys.executable, "-m", module, *arguments], env=environment, capture_output=True, text=True)
+    return run_module(module, *arguments, cwd=os.getcwd())
 
 
 @pytest.mark.slow
 def test_a_sweep_file_of_the_users_own_may_choose_an_algorithm_and_sweep_its_settings(my_lab, tmp_path):
-    done = command(
+    done = in_folder(
         "experiments.train", "+sweep=my_sweep", *RUN, f"root={tmp_path / 'runs'}", "tracking=none",
         "--config-dir", str(my_lab / "conf"),
     )  # fmt: skip
@@ -106,7 +102,7 @@ def test_a_sweep_file_of_the_users_own_may_choose_an_algorithm_and_sweep_its_set
 
 def test_an_algorithm_of_a_package_is_trained_and_its_run_read_again(my_lab, tmp_path):
     small = [part for part in COMMAND if part.startswith("algorithm.")]
-    done = command(
+    done = in_folder(
         "experiments.train", "hydra.searchpath=[pkg://my_lab.conf]", *RUN, "algorithm=mine", *small, "algorithm.layers=4",
         f"root={tmp_path / 'runs'}", "tracking=none",
     )  # fmt: skip
@@ -122,7 +118,7 @@ def test_an_algorithm_of_a_package_is_trained_and_its_run_read_again(my_lab, tmp
 
 @pytest.mark.parametrize("module", ["train", "search", "reproduce"])
 def test_groups_of_a_package_are_found_by_every_command(my_lab, module):
-    done = command(
+    done = in_folder(
         f"experiments.{module}",
         "hydra.searchpath=[pkg://my_lab.conf]",
         "algorithm=mine",
@@ -142,7 +138,7 @@ def test_a_grid_may_name_choices_of_a_package(my_lab, tmp_path):
     grid = {"counts": [1], "algorithms": ["mine"], "observations": ["far_two"], "families": ["empty"], "seeds": 1}
     data = {"title": "Mine", "grid": {**grid, "difficulties": ["easy"]}, "scales": {"smoke": {}}}
     (my_lab / "conf" / "experiment" / "my_grid.yaml").write_text(yaml.safe_dump(data))
-    done = command(
+    done = in_folder(
         "experiments.reproduce", "scale=smoke", "hydra.searchpath=[pkg://my_lab.conf]", "+experiment@grids.my_grid=my_grid",
         "experiments=[my_grid]", "dry_run=true", f"root={tmp_path / 'runs'}",
     )  # fmt: skip
@@ -151,7 +147,7 @@ def test_a_grid_may_name_choices_of_a_package(my_lab, tmp_path):
 
 
 def test_cfg_job_prints_the_settings_that_a_run_would_have():
-    done = command("experiments.train", "algorithm=curl_fast", "levels.count=3", "--cfg", "job")
+    done = in_folder("experiments.train", "algorithm=curl_fast", "levels.count=3", "--cfg", "job")
     assert run_config(yaml.safe_load(done.stdout)) == compose(["algorithm=curl_fast", "levels.count=3"])
 
 
@@ -160,20 +156,6 @@ def test_the_defaults_of_every_kind_of_algorithm_are_a_choice(kind):
     with initialized():
         data = to_plain(compose_data([f"algorithm=base_{kind}"], "config"))
     assert data["algorithm"] == as_data(KINDS[kind]())
-
-
-def test_every_setting_of_an_algorithm_can_be_overridden():
-    assert compose(["algorithm=curl_fast", "algorithm.tau=0.1"]).algorithm.tau == 0.1  # type: ignore[attr-defined]
-
-
-def test_names_of_observations_tasks_and_families_are_choices():
-    register_settings()
-    with initialized():
-        for group, names in {"observation": OBSERVATIONS, "task": TASKS}.items():
-            for name in names:
-                assert to_plain(compose_data([f"{group}={name}"], "config"))[group]["name"] == name
-        last = families()[-1]
-        assert to_plain(compose_data([f"levels={last}"], "config"))["levels"]["train"] == last
 
 
 @pytest.mark.parametrize(
@@ -245,8 +227,7 @@ def test_own_objects_are_named_where_groups_are_chosen():
     ],
 )
 def test_an_own_object_that_does_not_exist_ends_the_command_before_a_run_begins(tmp_path, override, says):
-    command = [sys.executable, "-m", "experiments.train", override, f"root={tmp_path / 'runs'}"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    done = run_module("experiments.train", override, f"root={tmp_path / 'runs'}", cwd=tmp_path)
     assert done.returncode == 1
     assert f"error: {says}" in done.stderr
     assert not (tmp_path / "runs").exists()

@@ -13,7 +13,7 @@ from experiments.commands.hydra_app import compose
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, read_summary, run_folders
 from experiments.settings import CHECKOUT, RunConfig
-from tests.experiments.short_runs import COMMAND
+from tests.experiments.short_runs import COMMAND, run_module
 from tests.waiting import until
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
@@ -21,8 +21,7 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
 
 def sweep(cwd, *arguments, **more):
     """What ``python -m experiments.train --multirun`` does with four tiny runs, called from ``cwd``."""
-    command = [sys.executable, "-m", "experiments.train", "--multirun", *COMMAND, "tracking=none", *arguments]
-    return subprocess.run(command, cwd=cwd, env=ENVIRONMENT | more, capture_output=True, text=True)
+    return run_module("experiments.train", "--multirun", *COMMAND, "tracking=none", *arguments, cwd=cwd, **more)
 
 
 def seeds(root):
@@ -70,13 +69,6 @@ def test_submitit_runs_a_sweep_and_puts_a_run_back_into_its_queue_when_time_is_u
     finally:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-
-
-@pytest.mark.slow
-def test_submitit_runs_a_sweep(tmp_path):
-    done = sweep(tmp_path, "seed=1,2", "hydra/launcher=submitit_local", f"root={tmp_path / 'runs'}")
-    assert done.returncode == 0, done.stderr
-    assert seeds(tmp_path / "runs") == [1, 2]
 
 
 SBATCH = """#!/bin/sh

@@ -8,6 +8,8 @@ import pytest
 
 from experiments.runs.run_folder import read_config, read_summary
 from experiments.settings import CHECKOUT
+from tests.experiments.runs.test_run_folder import FILES
+from tests.experiments.short_runs import run_module
 
 TINY = (
     "levels=empty-easy",
@@ -20,29 +22,6 @@ TINY = (
     "algorithm.num_steps=8",
     "algorithm.widths=[8]",
 )
-FILES = {
-    "config.yaml",
-    "levels_train.npz",
-    "levels_test.npz",
-    "checkpoint",
-    "episodes.parquet",
-    "metrics.parquet",
-    "versions.json",
-    "summary.json",
-    "journal.jsonl",
-    ".lock",
-}
-
-
-def command(cwd, *arguments):
-    """What ``python -m experiments.train`` does, called from ``cwd``."""
-    return subprocess.run(
-        [sys.executable, "-m", "experiments.train", *arguments],
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
-        capture_output=True,
-        text=True,
-    )
 
 
 @pytest.fixture
@@ -53,7 +32,7 @@ def elsewhere(tmp_path):
 
 
 def test_a_run_from_another_working_directory_leaves_its_folder_and_nothing_else(tmp_path, elsewhere):
-    done = command(elsewhere, *TINY, "seed=3", f"root={tmp_path / 'runs'}")
+    done = run_module("experiments.train", *TINY, "seed=3", f"root={tmp_path / 'runs'}", cwd=elsewhere)
     assert done.returncode == 0, done.stderr
     (folder,) = (path for path in (tmp_path / "runs").iterdir() if path.name.startswith("empty-easy"))
     assert {path.name for path in folder.iterdir()} == FILES | {"tracking.json"}
@@ -65,7 +44,15 @@ def test_a_run_from_another_working_directory_leaves_its_folder_and_nothing_else
 
 
 def test_a_sweep_with_wrong_runs_finishes_the_others_and_names_all(tmp_path, elsewhere):
-    done = command(elsewhere, "--multirun", *TINY, "levels.count=0,-1,1", f"root={tmp_path / 'runs'}", "tracking=none")
+    done = run_module(
+        "experiments.train",
+        "--multirun",
+        *TINY,
+        "levels.count=0,-1,1",
+        f"root={tmp_path / 'runs'}",
+        "tracking=none",
+        cwd=elsewhere,
+    )
     assert done.returncode != 0
     assert "error: levels.count: 0 is not allowed; it must be at least 1" in done.stderr
     assert "2 runs of the sweep went wrong. The others:\nlevels.count: -1 is not allowed" in done.stderr

@@ -2,9 +2,7 @@
 
 import dataclasses
 import json
-import os
 import shutil
-import subprocess
 import sys
 import types
 
@@ -19,7 +17,7 @@ from experiments.commands.command_line import run_from_command_line
 from experiments.evaluation.episodes import evaluate_run
 from experiments.evaluation.evaluator import choose_levels, evaluate, label, load_agent, mean_returns
 from experiments.levels.builders import Prepared
-from experiments.runs.run_folder import CHECKPOINT, LEVELS_TRAIN, PREVIOUS, read_config, read_episodes, read_summary
+from experiments.runs.run_folder import CHECKPOINT, LEVELS_TRAIN, read_config, read_episodes, read_summary
 from experiments.runs.run_rows import run_rows, score_warnings
 from experiments.settings import (
     CHECKOUT,
@@ -159,18 +157,6 @@ def test_a_score_above_1_is_told_with_the_levels_and_the_settings_of_a_larger_se
     assert "beats the best known return on 3 of 3 levels (score" in line
     assert line.endswith("enlarge it: planner_samples=64 planner_iterations=6")
     assert found.summary["players"]["deterministic"]["above_best_known"] == 3
-
-
-def test_the_size_of_the_planner_is_a_setting_that_decides_the_best_known_return(trained):
-    levels = {"levels": "tilesx1-medium", "n": 6}
-    algorithm = short_run(trained).algorithm
-    run_folder = run(short_run(trained.parent / "pixels", observation=ObservationConfig("rgb"), algorithm=algorithm))
-    best = [
-        evaluate(EvaluateConfig(str(run_folder.folder), **levels, videos="none", modes=("deterministic",), **size))
-        for size in ({"planner_samples": 8, "planner_iterations": 1}, {})
-    ]
-    small, usual = (found.summary["anchors"]["oracle"] for found in best)
-    assert usual > small
 
 
 def test_a_film_shows_the_episode_that_was_counted(trained):
@@ -323,33 +309,6 @@ def test_a_module_that_imports_what_is_not_there_is_told_by_the_name_of_that(mov
     (lab / "levels.py").write_text("from segar import nothing_of_the_kind\n")
     with pytest.raises(ConfigError, match=r"cannot import name 'nothing_of_the_kind' from 'segar' [^ ]*$"):
         evaluate(EvaluateConfig(str(folder), **QUICK))
-
-
-def test_help_names_all_settings(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["evaluate", "--help"])
-    with pytest.raises(SystemExit):
-        run_from_command_line(pytest.fail, EvaluateConfig, "What it is for.")
-    said = capsys.readouterr().out
-    assert "What it is for." in said and "--run VALUE" in said and "default: test" in said
-
-
-def test_the_command_plays_and_prints_a_table(trained, tmp_path):
-    command = [sys.executable, "-m", "experiments.evaluate", f"run={trained}", "n=2", "scores=false", "videos=none"]
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
-    done = subprocess.run([*command, "modes=[sampled]"], cwd=tmp_path, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "run after 256 frames, on its own 2 test levels:" in done.stdout
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_damaged_newest_checkpoint_is_told_and_the_one_before_is_played(tmp_path):
-    folder = run(short_run(tmp_path / "run")).folder
-    assert (folder / PREVIOUS).exists()
-    (folder / CHECKPOINT).write_bytes(b"")
-    said = []
-    found = evaluate(EvaluateConfig(str(folder), **QUICK), said.append)
-    assert "is damaged or none of ours" in said[0] and "The one before is used, of 192 frames" in said[0]
-    assert found.summary["frames"] == 192
 
 
 def test_code_that_changed_since_training_is_told_and_kept_out_of_the_table_of_runs(trained, tmp_path):

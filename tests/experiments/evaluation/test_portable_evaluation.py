@@ -10,10 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 
 import segar
-from experiments.algorithms.portable import PortableAgent, network_of
+from experiments.algorithms.portable import PortableAgent
 from experiments.commands.kernels import LIMITS
 from experiments.evaluation.episodes import play_episodes
-from experiments.evaluation.evaluator import evaluate, load_agent, shape_in
+from experiments.evaluation.evaluator import evaluate
 from experiments.levels.builders import environment_options
 from experiments.runs.run_folder import read_config
 from experiments.settings import (
@@ -21,18 +21,14 @@ from experiments.settings import (
     ConfigError,
     DrQConfig,
     EvaluateConfig,
-    EvaluationConfig,
     LevelsConfig,
     ObservationConfig,
     PPOConfig,
     RecurrentPPOConfig,
-    RunConfig,
     SACConfig,
     ScaleConfig,
-    TrackingConfig,
 )
 from experiments.training.run import run
-from segar.envs import VectorEnv
 from segar.evaluation import evaluate_policy
 from segar.policies import Network, NetworkPolicy
 from tests.experiments.short_runs import short_run
@@ -65,36 +61,11 @@ def trained(tmp_path_factory):
     root = tmp_path_factory.mktemp("runs")
     folders = {}
     for name, (algorithm, observation) in RUNS.items():
-        config = RunConfig(
-            levels=LevelsConfig("objectsx1-easy", count=3, test_count=4),
-            observation=observation,
-            algorithm=algorithm,
-            scale=ScaleConfig(frames=256 if isinstance(algorithm, PPOConfig) else 96),
-            evaluation=EvaluationConfig(episodes=3, distances=()),
-            tracking=TrackingConfig(name="none"),
-            folder=str(root / name),
-            progress=False,
-        )
+        levels = LevelsConfig("objectsx1-easy", count=3, test_count=4)
+        scale = ScaleConfig(frames=256 if isinstance(algorithm, PPOConfig) else 96)
+        config = short_run(root / name, levels=levels, observation=observation, algorithm=algorithm, scale=scale)
         folders[name] = run(config, say=lambda line: None).folder
     return folders
-
-
-@pytest.mark.parametrize("name", RUNS)
-def test_a_trained_agent_acts_as_by_torch(name, trained):
-    config = read_config(trained[name])
-    levels = segar.family("objectsx1-easy").sample(4, seed=3, split="test")
-    policy, _ = load_agent(trained[name], config, levels, print)
-    options = environment_options(config)
-    agent = PortableAgent(network_of(policy, shape_in(levels, config, options), options["task"]), num_threads=1)
-    env = VectorEnv(levels, 4, seed=0, **options)
-    observation, _ = env.reset()
-    for one in (policy, agent):
-        if hasattr(one, "begin"):
-            one.begin(env)
-    for _ in range(30):
-        action = agent.act(observation, rng=None)
-        np.testing.assert_allclose(action, policy.act(observation, rng=None), atol=1e-5, rtol=0)
-        observation, *_ = env.step(action)
 
 
 def test_a_portable_evaluation_says_so_and_leaves_the_network_that_played(trained):

@@ -17,6 +17,7 @@ from experiments.reproduction.plan import StudyTask
 from experiments.reproduction.plugin import REPORTS, STUDIES
 from experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read_versions, write_json
 from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point, paper_grid
+from tests.experiments.short_runs import run_module
 from tests.places import ROOT
 from tests.synthetic_runs import pretend_to_train, settings
 from tests.waiting import until
@@ -246,27 +247,10 @@ def test_a_scale_chooses_the_protocol_and_the_command_line_has_the_last_word(
     assert planned[0].seed == planned[0].levels.seed == 1
 
 
-def test_help_says_what_there_is():
-    done = subprocess.run(
-        [sys.executable, "-m", "experiments.reproduce", "--help"], cwd=ROOT, capture_output=True, text=True
-    )
-    assert done.returncode == 0
-    for word in ("experiments=[a,b]", "dry_run=true", "standard", "figure_4a", "smoke, quick, standard, paper"):
-        assert word in done.stdout
-
-
-def test_a_misspelt_setting_is_told_with_the_nearest_right_one():
-    command = [sys.executable, "-m", "experiments.reproduce", "scale=smoke", "proceses=1"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert done.stderr == "error: no setting is called 'proceses'. Did you mean 'processes'?\n"
-
-
 def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
-    command = [sys.executable, "-m", "experiments.reproduce", "scale=smoke", "experiments=[fixed_n]", "dry_run=true"]
+    asked = ("scale=smoke", "experiments=[fixed_n]", "dry_run=true")
     without, added = (
-        subprocess.run([*command, f"{plus}grids.fixed_n.grid.seeds=3"], cwd=ROOT, capture_output=True, text=True)
-        for plus in ("", "++")
+        run_module("experiments.reproduce", *asked, f"{plus}grids.fixed_n.grid.seeds=3") for plus in ("", "++")
     )
     assert "++grids.fixed_n.grid.seeds=..." in without.stderr and without.returncode == 1
     assert "smoke: 6 runs" in added.stdout and added.returncode == 0
@@ -275,7 +259,7 @@ def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
 @pytest.mark.results
 def test_runs_that_are_shipped_are_found_by_their_names_today(tmp_path):
     """Whoever adds a setting says so with ``later``; else whatever anybody has trained is trained again."""
-    command = [sys.executable, "-m", "experiments.reproduce", "scale=quick", "imported=[docs/results/quick]"]
-    done = subprocess.run([*command, "dry_run=true", f"root={tmp_path}"], cwd=ROOT, capture_output=True, text=True)
+    asked = ("scale=quick", "imported=[docs/results/quick]", "dry_run=true", f"root={tmp_path}")
+    done = run_module("experiments.reproduce", *asked)
     assert done.returncode == 0, done.stderr
     assert "quick: 51 runs, 51 done, 0 to do" in done.stdout

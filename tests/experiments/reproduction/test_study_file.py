@@ -4,7 +4,6 @@ say."""
 import copy
 import json
 import re
-import subprocess
 import sys
 
 import jsonschema
@@ -23,6 +22,7 @@ from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.reproduction.study_file import fields_text, read_study, schema
 from experiments.settings import ConfigError, RunConfig
 from experiments.study import study_of
+from tests.experiments.short_runs import run_module
 
 GOOD = {
     "title": "Does it matter?",
@@ -89,8 +89,7 @@ def test_the_example_of_the_help_fits_the_schema_and_so_do_all_experiments():
 
 def test_the_schema_is_one_and_the_command_prints_it():
     jsonschema.Draft202012Validator.check_schema(schema())
-    done = subprocess.run([sys.executable, "-m", "experiments.study", "--schema"], capture_output=True, text=True)
-    assert json.loads(done.stdout) == schema()
+    assert json.loads(run_module("experiments.study", "--schema").stdout) == schema()
 
 
 def test_every_key_is_explained_in_the_help_and_the_schema():

@@ -1,14 +1,12 @@
 """A user trains with a package of her own, edits it, and gives the same command again: every edit that matters is noticed."""
 
-import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.places import ROOT
+from tests.experiments.short_runs import run_module
 
 STUDY = Path(__file__).parents[2] / "data" / "wind_study"
 SETTINGS = (
@@ -53,12 +51,7 @@ UNRELATED = {
 
 
 def train(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
-    return command(folder, "experiments.train", "--config-dir", "conf", *SETTINGS, *more)
-
-
-def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
-    return subprocess.run([sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True)
+    return run_module("experiments.train", "--config-dir", "conf", *SETTINGS, *more, cwd=folder)
 
 
 def edit(folder: Path, file: str, old: str, new: str) -> None:
@@ -119,12 +112,12 @@ def test_an_interrupted_run_does_not_go_on_with_other_data(study, data):
 def test_an_evaluation_says_which_data_are_others_and_what_it_replaces(study):
     run = next((study / "runs").glob("*/summary.json")).parent
     asked = (f"run={run}", "levels=test", "scores=false", "videos=none")
-    assert "other code" not in command(study, "experiments.evaluate", *asked).stdout
+    assert "other code" not in run_module("experiments.evaluate", *asked, cwd=study).stdout
     edit(study, "windlab/weight.json", "3.0", "4.0")
-    told = command(study, "experiments.evaluate", *asked).stdout
+    told = run_module("experiments.evaluate", *asked, cwd=study).stdout
     assert "note: the run was made by other code; changed since: windlab/weight.json" in told
     assert "note: an evaluation by other code lay there, and is replaced; changed since: windlab/weight.json" in told
-    assert "is replaced" not in command(study, "experiments.evaluate", *asked).stdout
+    assert "is replaced" not in run_module("experiments.evaluate", *asked, cwd=study).stdout
 
 
 @pytest.mark.slow

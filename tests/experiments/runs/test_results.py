@@ -11,7 +11,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from analysis.runs import read_runs
-from experiments.commands.hydra_app import compose
 from experiments.results import ResultsConfig, results
 from experiments.runs.run_folder import (
     SUMMARY,
@@ -286,14 +285,6 @@ def test_where_there_is_no_such_run_the_sweeps_are_named(tmp_path):
         pass
     with pytest.raises(RunFolderError, match=r"there is no run of the sweep yours in .*; there are the sweeps mine"):
         results(ResultsConfig(root=str(tmp_path), sweep="yours"))
-
-
-@pytest.mark.parametrize("name", ["billiards", "invisiball"])
-def test_levels_choose_their_own_task_unless_one_is_named(name):
-    assert compose([f"levels={name}"]).resolved().task.name == name
-    assert compose([f"levels.train={name}"]).resolved().task.name == name
-    assert compose([f"levels={name}", "task=puttputt"]).resolved().task.name == "puttputt"
-    assert compose([]).resolved().task.name == "puttputt"
 
 
 def test_a_task_that_does_not_fit_the_levels_is_named_with_the_one_that_does(tmp_path):

@@ -17,8 +17,6 @@ from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
     CHECKPOINT,
     CONFIG,
-    METRICS,
-    SUMMARY,
     folder_path,
     is_finished,
     read_config,
@@ -264,15 +262,6 @@ def test_a_run_without_room_for_its_checkpoint_loses_nothing_and_goes_on_later(c
     assert f"cannot be written to {checkpoint}: File too large; what was there before is untouched" in str(caught.value)
     assert checkpoint.read_bytes() == before
     assert run(config).trained
-
-
-@pytest.mark.parametrize("name", [METRICS, CHECKPOINT, SUMMARY])
-def test_no_file_is_ever_seen_half_written(config, monkeypatch, name):
-    folder = run(config).folder
-    content = (folder / name).read_bytes()
-    with files_no_larger_than(len(content) // 2), pytest.raises(RunFolderError):
-        write_text(folder / name, "x" * len(content))
-    assert (folder / name).read_bytes() == content
 
 
 def test_levels_that_changed_since_the_checkpoint_stop_the_run(config, monkeypatch):

@@ -1,9 +1,7 @@
 """Settings: what a user gets wrong is told in one message with the nearest right name, before anything is trained."""
 
 import dataclasses
-import os
 import pickle
-import subprocess
 import sys
 
 import pytest
@@ -11,7 +9,7 @@ import pytest
 import segar
 from experiments.commands.hydra_app import compose
 from experiments.levels.builders import environment_options, make_levels
-from experiments.settings import CHECKOUT, ConfigError, PPOConfig, RunConfig, as_data, run_config
+from experiments.settings import ConfigError, PPOConfig, RunConfig, as_data, run_config
 from segar.envs import VectorEnv
 from segar.errors import PlacementError
 from segar.levels.named_families import TASK_LEVELS
@@ -161,33 +159,6 @@ def test_a_setting_that_came_later_changes_no_name_until_it_is_changed():
     other = dataclasses.replace(config, algorithm=PPOConfig(overlap=True))
     assert other.identity()["algorithm"]["overlap"] is True
     assert other.hash() != config.hash()
-
-
-@pytest.mark.parametrize(
-    ("override", "says"),
-    [
-        ("levels=empty-hrad", "error: no levels is called 'empty-hrad'. Did you mean 'empty-hard'?"),
-        ("levels.count=0", "error: levels.count: 0 is not allowed; it must be at least 1"),
-        ("levels.train=own_levels:crowded", "error: level distribution 'crowded'"),
-    ],
-)
-def test_the_command_ends_with_one_message_and_no_traceback(own_module, override, says):
-    done = command(own_module, override, "tracking=none", f"root={own_module}")
-    assert done.returncode != 0
-    assert done.stderr.startswith(says)
-    after = done.stderr.splitlines()[1:]
-    assert after == [] or [line.partition(",")[0] for line in after] == ["This happened during preparation"]
-
-
-def command(cwd, *arguments):
-    """What ``python -m experiments.train`` does, called from ``cwd``."""
-    return subprocess.run(
-        [sys.executable, "-m", "experiments.train", *arguments],
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
-        capture_output=True,
-        text=True,
-    )
 
 
 def test_a_named_observation_takes_options():

@@ -1,8 +1,6 @@
 """Users' own objects and level files in settings: named by files, kept without places, found again from anywhere."""
 
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -11,6 +9,7 @@ from experiments.levels.builders import distribution_of, make_levels
 from experiments.settings import ConfigError, LevelsConfig, RunConfig, run_config, without_files
 from segar.errors import SegarError
 from segar.support import module_in_file, named_object
+from tests.experiments.short_runs import run_module
 
 DEFINITIONS = """
 import segar
@@ -148,20 +147,17 @@ def test_a_run_of_files_is_evaluated_from_another_folder(tmp_path):
     (tmp_path / "breezes.py").write_text(DEFINITIONS)
     (tmp_path / "patience.py").write_text(LEARNER)
     names = ("levels=breezes.py:breeze", "algorithm=patience.py:Patient", "levels.design=breezes.py:first_half")
-    command = [sys.executable, "-m", "experiments.train", *names, *TRAIN, f"root={tmp_path}/runs"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = run_module("experiments.train", *names, *TRAIN, f"root={tmp_path}/runs", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (run,) = (tmp_path / "runs").iterdir()
     assert run.name.startswith("breezes_breeze-breezes_first_half-n2-state-Patient-s0-")
-    command = [sys.executable, "-m", "experiments.evaluate", f"run={run}", "videos=none", "scores=false"]
-    done = subprocess.run(command, cwd=Path(sys.prefix), capture_output=True, text=True)
+    done = run_module("experiments.evaluate", f"run={run}", "videos=none", "scores=false", cwd=sys.prefix)
     assert done.returncode == 0, done.stderr
     assert "its own 2 test levels" in done.stdout
 
 
 def test_a_file_that_is_not_there_ends_a_command_with_one_line(tmp_path):
-    command = [sys.executable, "-m", "experiments.train", "levels=missing.py:calm"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = run_module("experiments.train", "levels=missing.py:calm", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.splitlines() == [f"error: levels: there is no file {tmp_path}/missing.py"]
 

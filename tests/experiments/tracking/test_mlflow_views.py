@@ -9,7 +9,7 @@ import pytest
 from experiments.dashboard import DashboardConfig, links
 from experiments.evaluation.probing import figures_of
 from experiments.runs.run_folder import read_metrics
-from experiments.settings import EvaluationConfig, LevelsConfig, ScaleConfig, TrackingConfig, flat
+from experiments.settings import EvaluationConfig, ScaleConfig, TrackingConfig, flat
 from experiments.tracking.mlflow_store import open_store, show_views
 from experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, View, curve, link, packed
 from experiments.training.run import run
@@ -86,24 +86,6 @@ def test_a_view_of_the_paper_finds_the_training_runs_of_its_figure_and_the_other
     assert found["figure-5b"] == {"other"}
     assert found["figure-3b"] == set()
     assert all(found[name] == {"one", "other"} for name in VIEWS)
-
-
-def test_the_views_of_ones_own_sweep_have_a_point_for_each_run_exact_w2_first(tmp_path):
-    levels = [LevelsConfig("empty-easy", count=count, test_count=3) for count in (1, 2)]
-    for number, one in enumerate(levels):
-        tracking = TrackingConfig(sweep="mine")
-        scale = ScaleConfig(frames=64 * 16)  # enough for episodes to end
-        run(short_run(tmp_path / f"{number}", levels=one, scale=scale, tracking=tracking, root=str(tmp_path)))
-    client, experiment = open_store(TrackingConfig(), tmp_path)
-    tags = client.get_experiment(experiment).tags
-    assert {name for name in tags if name.startswith(TAG)} == {TAG + name for name in VIEWS}
-    for name in VIEWS:
-        state = state_of(tags[TAG + name])
-        found = client.search_runs([experiment], state["searchFilter"])
-        first = state["compareRunCharts"][0]
-        assert len(found) == 2
-        assert all(keys_of(first, "METRIC") <= one.data.metrics.keys() for one in found)
-    assert VIEWS["gap-against-w2"].rows[0][1][0]["xaxis"]["key"] == "w2/exact"
 
 
 def test_a_store_from_before_gets_the_views_when_it_is_opened_or_shown(store):

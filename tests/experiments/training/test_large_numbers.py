@@ -3,7 +3,7 @@
 import pytest
 
 from experiments.levels.builders import Prepared
-from experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, ScaleConfig, TaskConfig
+from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
 from experiments.training.large_numbers import advice, large_numbers
 from experiments.training.run import run
 from tests.experiments.short_runs import figures, short_run, weights
@@ -56,16 +56,3 @@ def test_a_run_warns_once_and_has_the_results_that_it_has_without_the_look(tmp_p
     run(short_run(tmp_path / "b", levels=LEVELS, task=TASK), said.append)
     assert figures(tmp_path / "a") == figures(tmp_path / "b")
     assert all((weights(tmp_path / "b")[name] == value).all() for name, value in weights(tmp_path / "a").items())
-
-
-@pytest.mark.slow
-def test_ppo_learns_with_a_divided_counter_what_it_does_not_learn_with_a_raw_one(tmp_path):
-    returns = {}
-    for name, options in {"raw": {}, "divided": {"scale": {"Clock": 200}}}.items():
-        fast = PPOConfig(num_envs=32, num_steps=40, epochs=4, learning_rate=1e-3, gamma=0.5, widths=(64, 64))
-        config = short_run(
-            tmp_path / name, levels=LEVELS, task=TASK, algorithm=fast, scale=ScaleConfig(frames=60_000),
-            observation=ObservationConfig("state", options), checkpoint_interval=60.0,
-        )  # fmt: skip
-        returns[name] = run(config, lambda line: None).summary["evaluation/train/return/deterministic"]
-    assert returns["divided"] > -2 > -5 > returns["raw"], returns

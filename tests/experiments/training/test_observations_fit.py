@@ -75,27 +75,6 @@ def test_an_option_that_own_code_refuses_is_told_with_its_value():
         environment_options(config)
 
 
-def test_levels_may_define_the_parameter_that_is_observed(tmp_path):
-    (tmp_path / "blowing.py").write_text(
-        "import segar\n"
-        "class Puff(segar.Parameter, default=1.0): ...\n"
-        "places = [segar.Prior(segar.Position, segar.RandomUniformLocation())]\n"
-        "numbers = [(segar.GolfBall, 1), (segar.GoalTile, 1)]\n"
-        "calm = segar.LevelDistribution(numbers, places, parameters={Puff: 2.0})\n"
-    )
-    add_module_path([str(tmp_path)])
-    levels = LevelsConfig(train="blowing:calm", **FEW)
-    config = short_run(
-        tmp_path / "mine", levels=levels, observation=ObservationConfig("state", {"parameters": ["Puff"]})
-    )
-    assert run(config, say=lambda line: None).trained
-
-
-def test_test_levels_are_the_training_ones_where_none_are_named():
-    config = RunConfig(levels=LevelsConfig(train="empty-easy", **FEW))
-    check_observations(Prepared(config), *make_levels(config.levels))
-
-
 def test_an_agent_is_tested_in_the_units_that_it_was_trained_in(tmp_path, monkeypatch):
     measured = []
 

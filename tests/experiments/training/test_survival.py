@@ -1,4 +1,4 @@
-"""Nothing is lost but the work since the last checkpoint: runs killed at random moments, and a real server that goes away."""
+"""Nothing is lost but the work since the last checkpoint: a run that is killed at random moments."""
 
 import os
 import random
@@ -10,12 +10,9 @@ import time
 import pytest
 
 from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import CHECKPOINT, read_summary
+from experiments.runs.run_folder import read_summary
 from experiments.settings import CHECKOUT
-from experiments.training.run import run
-from experiments.upload import UploadConfig, upload
-from tests.experiments.short_runs import before_iteration, same_results
-from tests.experiments.tracking.mlflow_server import MLflowServer, in_folder, logged, long_run
+from tests.experiments.short_runs import same_results
 
 pytestmark = pytest.mark.slow
 
@@ -65,57 +62,3 @@ def test_a_run_killed_at_ten_random_moments_ends_as_if_it_had_not_been_killed(tm
     events = [entry["event"] for entry in read_journal(folder)]
     assert events.count("lost") >= KILLS // 2, "the kills came when the run was over"
     assert same_results(tmp_path / "whole", folder)
-
-
-def test_the_same_command_gives_the_same_bits_twice(tmp_path):
-    for name in ("a", "b"):
-        process = command(tmp_path, tmp_path / name)
-        said, _ = process.communicate()
-        assert process.returncode == 0, said
-    assert same_results(tmp_path / "a", tmp_path / "b")
-
-
-@pytest.fixture
-def server(tmp_path):
-    (tmp_path / "server").mkdir()
-    server = MLflowServer(tmp_path / "server")
-    server.start()
-    yield server
-    server.stop()
-
-
-def test_a_server_that_is_stopped_and_started_while_a_run_goes_on_has_all_of_it_in_the_end(tmp_path, server, capfd):
-    """Stopped before iteration 5; the run goes on, is told once, and the server is up again before iteration 35."""
-    config = long_run(tmp_path, server.uri)
-    with (
-        pytest.MonkeyPatch.context() as patch,
-        before_iteration(5, lambda _: server.stop(), patch),
-        before_iteration(20, lambda _: time.sleep(3), patch),
-        before_iteration(35, lambda _: server.start(), patch),
-    ):
-        folder = run(config).folder
-    one, files, history = logged(server.uri, "loss/policy")
-    assert history == in_folder(folder, "loss/policy") and len(history) == 40
-    assert one.info.status == "FINISHED"
-    assert files == ["episodes.parquet", "summary.json"]
-    assert capfd.readouterr().err.count("The run goes on; what MLflow misses is sent when it answers again") == 1
-
-
-def test_a_server_that_stays_away_gets_the_run_by_a_command(tmp_path, server, capfd):
-    with pytest.MonkeyPatch.context() as patch, before_iteration(5, lambda _: server.stop(), patch):
-        folder = run(long_run(tmp_path, server.uri)).folder
-    assert f"this sends them: python -m experiments.upload run={folder}" in capfd.readouterr().err
-    server.start()
-    upload(UploadConfig(run=str(folder)))
-    one, files, history = logged(server.uri, "loss/policy")
-    assert history == in_folder(folder, "loss/policy") and len(history) == 40
-    assert (one.info.status, files) == ("FINISHED", ["episodes.parquet", "summary.json"])
-
-
-def test_a_run_that_begins_without_its_server_is_trained_all_the_same(tmp_path, server):
-    server.stop()
-    folder = run(long_run(tmp_path, server.uri)).folder
-    assert (folder / CHECKPOINT).exists()
-    server.start()
-    upload(UploadConfig(run=str(folder)))
-    assert logged(server.uri, "loss/policy")[2] == in_folder(folder, "loss/policy")
