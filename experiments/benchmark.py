@@ -43,14 +43,7 @@ from omegaconf import DictConfig
 from experiments.benchmarking.again import again
 from experiments.benchmarking.method import method_of, settings_of
 from experiments.benchmarking.players import PlayerTask, action_file, make_piece
-from experiments.benchmarking.protocol import (
-    ALL,
-    PLAYERS,
-    REFERENCES,
-    piece_name,
-    row_folder,
-    suites_named,
-)
+from experiments.benchmarking.protocol import ALL, PLAYERS, REFERENCES, piece_name, row_folder, suites_named
 from experiments.benchmarking.row import (
     ROW,
     Method,

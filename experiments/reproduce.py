@@ -60,13 +60,14 @@ from experiments.runs.run_folder import runs_root, write_json
 from experiments.runs.trust import signed
 from experiments.settings import (
     ConfigError,
+    GridPoint,
     RunConfig,
     TrainingError,
     as_data,
+    config_at,
     construct,
     design_hash,
     hand_on_password,
-    paper_grid,
     read_yaml,
     require,
     run_config,
@@ -102,7 +103,9 @@ class ReproduceConfig:
     @property
     def name(self) -> str:
         """Names scale and settings, e.g. ``quick-3f9a12cd``."""
-        return f"{self.study.get('name', self.run.scale.name)}-{design_hash(paper_grid(self.run)[0])}"
+        scale = self.run.scale
+        cell = GridPoint(scale.families[0], scale.difficulties[0], scale.counts[0], self.run.seed)
+        return f"{self.study.get('name', scale.name)}-{design_hash(config_at(self.run, cell))}"
 
     @property
     def folder(self) -> Path:

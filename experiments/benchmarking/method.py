@@ -1,6 +1,5 @@
 """What the row is of that a command asks for."""
 
-from collections.abc import Mapping
 from typing import Any
 
 from experiments.benchmarking.row import Method
@@ -29,7 +28,8 @@ def method_of(config: BenchmarkConfig) -> Method:
         says = f"{config.policy}, trained elsewhere, on {run.observation.name}"
         return Method(config.row, "actions", says, "", None, {**seen, "policy": config.policy})
     settings = settings_of(run, config.training_levels)
-    name = "-".join([run.algorithm.name, *extras(settings), run.observation.name, config.budget])
+    curriculum = [] if run.curriculum is None else [run.curriculum.name]
+    name = "-".join([run.algorithm.name, *curriculum, run.observation.name, config.budget])
     says = f"{run.algorithm.name} on {run.observation.name}, {run.scale.frames:,} frames on each suite with each seed"
     return Method(config.row or name, "networks", says, config.budget, run.scale.frames, settings)
 
@@ -39,10 +39,3 @@ def settings_of(run: RunConfig, training_levels: LevelCount | None = None) -> di
     data = as_data(run, without_later_defaults=True)
     shared = {key: data.get(key, value) for key, value in run.identity().items() if key not in NOT_OF_METHOD}
     return shared | ({"training_levels": training_levels} if training_levels else {})
-
-
-def extras(settings: Mapping[str, Any]) -> list[str]:
-    """Parts of a row's name beside algorithm, observation and budget."""
-    curriculum = settings.get("curriculum")
-    name = curriculum.get("name", "") if isinstance(curriculum, Mapping) else curriculum
-    return [str(name)] if name else []

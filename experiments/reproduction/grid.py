@@ -10,17 +10,7 @@ from omegaconf import OmegaConf
 
 from experiments.commands.hydra_app import compose, to_plain
 from experiments.reproduction.experiment_file import BASE, GridConfig
-from experiments.settings import (
-    GridPoint,
-    RunConfig,
-    as_data,
-    config_at,
-    flat,
-    grid_point,
-    is_distribution,
-    paper_seeds,
-    run_config,
-)
+from experiments.settings import GridPoint, RunConfig, as_data, config_at, flat, grid_point, is_distribution, run_config
 
 KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
 NUMBERS_OF_LEVELS = ("n", "levels", "log_n", "cell")  # columns that say how many training levels there are
@@ -36,7 +26,7 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
     one number of levels to the next.
     """
     scale = base.scale
-    seeds = range(base.seed, base.seed + grid.seeds) if grid.seeds else paper_seeds(base)
+    seeds = range(base.seed, base.seed + (grid.seeds or scale.seeds))
     sets = range(base.seed, base.seed + (grid.level_sets or 0))
     counts = grid.counts or scale.counts
     names, values = list(grid.vary), product(*grid.vary.values())

@@ -4,7 +4,6 @@ import dataclasses
 import json
 import socket
 import statistics
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -353,7 +352,7 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
         " algorithm.anneal lowers the learning rate to 0 in the last one. Give more frames, or algorithm.anneal=false"
     ) if idle else ""  # fmt: skip
     claims = (line for one in plan.experiments for line in untestable_claims(one, plan.members[one.name]))
-    more = (*repetitions(plan), *sharing(waiting, processes), *claims, warning, plan.other_code)
+    more = (*repetitions(plan), *claims, warning, plan.other_code)
     return "\n".join([table(head, rows), closing, *filter(None, more)])
 
 
@@ -371,17 +370,6 @@ def repetitions(plan: ReproductionPlan) -> list[str]:
         f"{len({key[:-1] for key in shared})} level sets are each trained on by {max(shared.values())} agents of a kind:"
         " intervals are over level sets, so more agents on one set make them no shorter; more level sets do (grid.seeds"
         " without grid.level_sets)."
-    ]
-
-
-def sharing(waiting: Sequence[RunTask], processes: int) -> list[str]:
-    """A sentence for each GPU that several of the waiting runs compute on at the same time."""
-    devices = Counter(getattr(work.run.algorithm, "device", "cpu") for work in waiting)
-    return [
-        f"{count} runs compute on {device}, up to {min(processes, count)} at a time: each process has a context and memory of"
-        " its own there. Give processes=1, or a smaller number, if the GPU's memory is too small for them."
-        for device, count in devices.items()
-        if device != "cpu" and min(processes, count) > 1
     ]
 
 

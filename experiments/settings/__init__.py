@@ -4,13 +4,7 @@ It may import segar. For authors of algorithms: a sub-class of :class:`Algorithm
 as :class:`PPOConfig`, holds the settings of an algorithm of your own, and names the class that learns.
 """
 
-from experiments.settings.addresses import (
-    hand_on_password,
-    scheme,
-    sqlite_address,
-    with_password,
-    without_password,
-)
+from experiments.settings.addresses import hand_on_password, scheme, sqlite_address, with_password, without_password
 from experiments.settings.algorithms import (
     KINDS,
     TARGET,
@@ -67,16 +61,7 @@ from experiments.settings.curricula import (
 from experiments.settings.errors import CheckpointError, ConfigError, RunFolderError, TrackingError, TrainingError
 from experiments.settings.evaluate import EvaluateConfig
 from experiments.settings.from_data import construct, flat, run_config
-from experiments.settings.grid import (
-    GridPoint,
-    config_at,
-    design,
-    design_hash,
-    grid_point,
-    panel_parts,
-    paper_grid,
-    paper_seeds,
-)
+from experiments.settings.grid import GridPoint, config_at, design, design_hash, grid_point, panel_parts
 from experiments.settings.own_code import (
     OBJECT_NAME,
     add_module_path,
@@ -112,18 +97,10 @@ from experiments.settings.run import (
 from experiments.settings.yaml_text import read_yaml
 
 __all__ = [
-    "ACTION_MODES", "CHECKOUT", "CURRICULA", "DEFAULT_TASK", "DESIGNS", "DIFFICULTIES", "ENDLESS", "KINDS",
-    "MATCHED_DESIGNS", "NO_CURRICULUM", "OBJECT_NAME", "OWN_TASK", "RULE_SETS_DESIGN", "SCORES", "TARGET",
-    "TARGET_DESIGN", "TRACKERS", "ACCELConfig", "ActionMode", "AlgorithmConfig", "AuxiliaryConfig",
-    "CURLConfig", "CheckpointError", "ConfigError", "Count", "CountFrom0", "CurriculumConfig", "Design", "Difficulty",
-    "DrACConfig", "DrQConfig", "EvaluateConfig", "EvaluationConfig", "Family", "GridPoint", "LevelCount", "LevelsConfig",
+    "ACCELConfig", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig", "CheckpointError", "ConfigError", "Count",
+    "CountFrom0", "CurriculumConfig", "DrACConfig", "DrQConfig", "EvaluateConfig", "EvaluationConfig", "LevelsConfig",
     "NotNegative", "ObservationConfig", "OffPolicyConfig", "PLRConfig", "PPGConfig", "PPOConfig", "Positive",
-    "PositiveOrNull", "RecurrentPPOConfig", "ReplayConfig", "RobustPLRConfig", "RunConfig", "RunFolderError",
-    "SACConfig", "SFLConfig", "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig",
-    "TrackingError", "TrainingError", "UniformConfig", "Widths", "add_module_path", "added_later",
-    "as_data", "class_named", "config_at", "construct", "design", "design_hash", "flat", "grid_point",
-    "hand_on_password", "import_object", "is_distribution", "is_level_file", "kind_of", "level_file",
-    "named_distributions", "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of", "read_yaml", "require",
-    "require_design", "require_known", "require_seed", "run_config", "scheme", "sqlite_address", "that",
-    "with_password", "without_files", "without_folder", "without_password",
+    "PositiveOrNull", "RecurrentPPOConfig", "RobustPLRConfig", "RunConfig", "RunFolderError", "SACConfig", "SFLConfig",
+    "SPRConfig", "ScaleConfig", "Share", "TaskConfig", "TrackingConfig", "TrackingError", "TrainingError",
+    "UniformConfig", "Widths", "added_later", "one_of", "that",
 ]  # fmt: skip

@@ -1,7 +1,6 @@
-"""The cells of the paper's experiment: families x difficulties x numbers of training levels, as run configurations."""
+"""The cells of experiments, each of a family, a difficulty, a number of training levels and a seed, as run configurations."""
 
 import dataclasses
-from itertools import product
 from typing import Any
 
 from experiments.settings.own_code import without_folder
@@ -24,22 +23,6 @@ class GridPoint:
     def panel(self) -> str:
         """Family and difficulty, e.g. ``empty-hard``."""
         return f"{self.family}-{self.difficulty}" if self.difficulty else self.family
-
-
-def paper_grid(config: RunConfig) -> list[RunConfig]:
-    """A run for every cell and seed of ``config.scale``, seed after seed and panel after panel.
-
-    Level seed and training seed are equal: training levels of one seed are never those of another, nor
-    test levels (a level depends on distribution, seed, split and index). All seeds share the test levels of a panel.
-    """
-    scale = config.scale
-    places = product(paper_seeds(config), scale.families, scale.difficulties, scale.counts)
-    return [config_at(config, GridPoint(family, difficulty, n, seed)) for seed, family, difficulty, n in places]
-
-
-def paper_seeds(config: RunConfig) -> range:
-    """The seeds that ``config`` asks for: ``scale.seeds`` of them, from ``seed`` upwards."""
-    return range(config.seed, config.seed + config.scale.seeds)
 
 
 def config_at(config: RunConfig, cell: GridPoint) -> RunConfig:

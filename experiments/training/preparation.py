@@ -7,14 +7,8 @@ from typing import Any
 from experiments.algorithms.learner import Learner, make_learner
 from experiments.commands.signals import SignalMonitor
 from experiments.curricula.training_levels import TrainingLevels, settings_of
-from experiments.evaluation.episodes import (
-    unseen_by_distances,
-)
-from experiments.levels.builders import (
-    Prepared,
-    check_observations,
-    check_results,
-)
+from experiments.evaluation.episodes import unseen_by_distances
+from experiments.levels.builders import Prepared, check_observations, check_results
 from experiments.levels.endless import stream_of
 from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import executed_code
@@ -33,12 +27,7 @@ from experiments.settings import ConfigError, RunConfig
 from experiments.training.large_numbers import advice, large_numbers
 from experiments.training.training_loop import Training
 from experiments.training.trials import advice_on_trials
-from experiments.training.unseen import (
-    advice_on_entities,
-    advice_on_parameters,
-    unseen_entities,
-    unseen_parameters,
-)
+from experiments.training.unseen import advice_on_entities, advice_on_parameters, unseen_entities, unseen_parameters
 from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError, SegarError

@@ -20,9 +20,7 @@ from experiments.evaluation.episodes import (
     evaluation_figures,
     without_number,
 )
-from experiments.levels.builders import (
-    Prepared,
-)
+from experiments.levels.builders import Prepared
 from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import PREPARATION, Journal

@@ -6,10 +6,7 @@ import pytest
 import segar
 from experiments.algorithms.learner import learner_class, make_learner
 from experiments.evaluation.episodes import play_episodes
-from experiments.settings import (
-    PPOConfig,
-    SACConfig,
-)
+from experiments.settings import PPOConfig, SACConfig
 
 LEVELS = segar.family("empty-easy").sample(2, seed=0)
 LOW, HIGH, STEPS = -3.0, 7.0, 5

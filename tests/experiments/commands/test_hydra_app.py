@@ -9,13 +9,7 @@ import pytest
 import yaml
 
 from experiments.commands.config_store import register_settings
-from experiments.commands.hydra_app import (
-    check_command_line,
-    compose,
-    compose_data,
-    initialized,
-    to_plain,
-)
+from experiments.commands.hydra_app import check_command_line, compose, compose_data, initialized, to_plain
 from experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
 from experiments.levels.builders import levels_in
 from experiments.runs.run_folder import read_config, run_folders

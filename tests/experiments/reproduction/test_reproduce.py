@@ -16,7 +16,8 @@ from experiments.reproduce import ReproduceConfig, dashboard, reproduce
 from experiments.reproduction.plan import StudyTask
 from experiments.reproduction.plugin import REPORTS, STUDIES
 from experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read_versions, write_json
-from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point, paper_grid
+from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point
+from tests.experiments.settings.test_grid import cells_of
 from tests.experiments.short_runs import run_module
 from tests.places import ROOT
 from tests.synthetic_runs import pretend_to_train, settings
@@ -86,7 +87,7 @@ def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path, 
 
 
 def test_finished_runs_are_not_trained_again(tmp_path, capfd):
-    pretend_to_train(paper_grid(asked(tmp_path).run)[2])
+    pretend_to_train(cells_of(asked(tmp_path).run)[2])
     reproduce(asked(tmp_path), pretend, finish_nothing)
     assert len(trained(tmp_path)) == len(set(trained(tmp_path))) == 4
     assert "1 done, 3 to do" in capfd.readouterr().out
@@ -164,7 +165,7 @@ def test_it_says_where_mlflow_has_the_runs(tmp_path, uri, opens):
 
 
 def test_tables_that_cannot_be_made_are_an_error(tmp_path):
-    for cell in paper_grid(asked(tmp_path).run):
+    for cell in cells_of(asked(tmp_path).run):
         pretend_to_train(cell)
     with pytest.raises(TrainingError, match="there are no tables or no report: see what it says above"):
         reproduce(asked(tmp_path), pretend, lambda config, plan: False)
@@ -212,7 +213,7 @@ def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):
         "    reproduce(ReproduceConfig(config.run, processes=1, grids=config.grids), slowly, finish_nothing)\n"
     )
     owner = subprocess.Popen([sys.executable, script], env={**os.environ, "PYTHONPATH": str(ROOT)})
-    first, *rest = (folder_path(cell) for cell in paper_grid(asked(tmp_path).run))
+    first, *rest = (folder_path(cell) for cell in cells_of(asked(tmp_path).run))
     until(lambda: is_finished(first) or owner.poll() is not None)
     owner.send_signal(signal.SIGKILL)
     owner.wait()
@@ -240,7 +241,7 @@ def test_the_command_that_opens_the_pages_is_quoted_for_the_shell(tmp_path):
 def test_a_scale_chooses_the_protocol_and_the_command_line_has_the_last_word(
     command, cells, observation, algorithm, frames
 ):
-    planned = paper_grid(compose([*command, "seed=1"]))
+    planned = cells_of(compose([*command, "seed=1"]))
     assert len({cell.label() for cell in planned}) == len(planned) == cells
     (cell,) = {(c.observation.name, c.algorithm.name, c.scale.frames) for c in planned}
     assert cell == (observation, algorithm, frames)

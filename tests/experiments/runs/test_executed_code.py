@@ -10,12 +10,7 @@ import pytest
 import segar
 from experiments.levels.builders import Prepared
 from experiments.runs import executed_code as module
-from experiments.runs.executed_code import (
-    combined,
-    differing_parts,
-    executed_code,
-    fingerprint,
-)
+from experiments.runs.executed_code import combined, differing_parts, executed_code, fingerprint
 from experiments.runs.own_modules import modules_reached
 from experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, SACConfig
 

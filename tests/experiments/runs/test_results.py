@@ -13,7 +13,6 @@ import pytest
 from analysis.runs import read_runs
 from experiments.results import ResultsConfig, results
 from experiments.runs.run_folder import (
-    SUMMARY,
     VERSIONS,
     read_config,
     read_episodes,
@@ -172,15 +171,6 @@ def test_distances_stand_first_exact_w2_before_all_and_own_results_beside_succes
     assert "results/velocity_test_sampled" not in row  # no single number
     names = {one["name"] for one in read_metrics(tmp_path / "a").to_pylist()}
     assert "evaluation/test/results/distance_to_goal/sampled" in names  # of which MLflow makes metrics
-
-
-def test_a_run_from_before_has_its_own_results_from_its_episodes(tmp_path):
-    summary = dict(run(short_run(tmp_path / "a")).summary)
-    (expected,) = run_rows([tmp_path])
-    before = {name: value for name, value in summary.items() if "/results/" not in name}
-    write_json(tmp_path / "a" / SUMMARY, before)
-    (found,) = run_rows([tmp_path])
-    assert found.figures == expected.figures
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "md"])

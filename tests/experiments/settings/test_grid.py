@@ -4,25 +4,31 @@ import dataclasses
 
 import pytest
 
+from experiments.reproduction.experiment_file import GridConfig
+from experiments.reproduction.grid import grid_runs
 from experiments.settings import LevelsConfig, RunConfig, ScaleConfig
-from experiments.settings.grid import GridPoint, config_at, design_hash, grid_point, paper_grid
+from experiments.settings.grid import GridPoint, config_at, design_hash, grid_point
+
+
+def cells_of(config):
+    return list(grid_runs(GridConfig(), config))
 
 
 def test_the_paper_has_45_cells():
-    cells = paper_grid(RunConfig(seed=1))
+    cells = cells_of(RunConfig(seed=1))
     assert len({cell.label() for cell in cells}) == 45
     assert {grid_point(cell).panel for cell in cells} >= {"empty-easy", "objectsx1-medium", "tilesx1-hard"}
     assert {cell.levels.count for cell in cells} == {1, 10, 50, 100, 200}
 
 
 def test_each_seed_has_training_levels_of_its_own_and_all_share_the_test_levels():
-    cells = paper_grid(RunConfig(seed=4, scale=ScaleConfig(seeds=3)))
+    cells = cells_of(RunConfig(seed=4, scale=ScaleConfig(seeds=3)))
     assert [(c.seed, c.levels.seed, c.levels.test_seed) for c in cells[::45]] == [(4, 4, 0), (5, 5, 0), (6, 6, 0)]
 
 
 def test_cells_and_seeds_belong_to_one_experiment():
     config = RunConfig(seed=1, scale=ScaleConfig(seeds=2))
-    assert {design_hash(cell) for cell in paper_grid(config)} == {
+    assert {design_hash(cell) for cell in cells_of(config)} == {
         design_hash(config_at(config, GridPoint("tilesx1", "easy", 3, 9)))
     }
 

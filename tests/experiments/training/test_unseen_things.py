@@ -6,12 +6,7 @@ import pytest
 from experiments.levels.builders import Prepared, environment_options, make_levels
 from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
 from experiments.training.run import run
-from experiments.training.unseen import (
-    advice_on_entities,
-    advice_on_parameters,
-    unseen_entities,
-    unseen_parameters,
-)
+from experiments.training.unseen import advice_on_entities, advice_on_parameters, unseen_entities, unseen_parameters
 from segar.envs import VectorEnv
 from segar.errors import LevelError
 from segar.observations import StateVector
