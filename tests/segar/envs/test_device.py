@@ -84,7 +84,11 @@ OBSERVATIONS = {
     "stack": Stack(Pixels(32), 2),
     "textures_stack4": "textures_stack4",
     "stack of a stack": Stack(Stack(Pixels(32), 2), 2),
-    "several": {"look": (Stack("state", 3), Pixels(32)), "small": Pixels(36), "past": PreviousActions(2)},
+    "several": {
+        "look": (Stack("state", 3), Pixels(32)),
+        "small": Pixels(36, grey=True),
+        "past": (PreviousActions(2), Stack(PreviousActions(), 2)),
+    },
 }
 
 

@@ -59,9 +59,10 @@ def environment(name: str, observation: Any, count: int = 20, trials: int = 1) -
 @pytest.mark.parametrize(
     "target, name, observation",
     [
+        ("wasm", "objectsx3-hard", "rgb"),
         pytest.param("wasm", "objectsx3-hard", "textures", marks=pytest.mark.slow),
-        ("wasm", "billiards", "rgb"),
-        ("native", "tilesx2-medium", "state_normalised"),
+        pytest.param("wasm", "billiards", "rgb", marks=pytest.mark.slow),
+        pytest.param("native", "tilesx2-medium", "state_normalised", marks=pytest.mark.slow),
     ],
 )
 def test_worlds_play_to_the_bit(target, name, observation):
@@ -84,9 +85,9 @@ PAST: dict[str, Any] = {
     "planes": Stack(Pixels(32, channels="first"), 3),
     "stack of a stack": Stack(Stack(Pixels(32), 2), 2),
     "several": {
-        "now": "rgb",
-        "small": Pixels(32, grey=True),
-        "past": (PreviousActions(3), Stack(PreviousActions(), 2)),
+        "look": (Stack("state", 3), Pixels(32)),
+        "small": Pixels(36, grey=True),
+        "past": (PreviousActions(2), Stack(PreviousActions(), 2)),
     },
 }
 
@@ -100,12 +101,12 @@ PAST: dict[str, Any] = {
     ],
 )
 def test_what_observations_show_of_the_past_agrees(target, name):
-    play(environment("objectsx1-hard", PAST[name]), target, 30, np.random.default_rng(2))
+    play(environment("objectsx3-hard", PAST[name]), target, 30, np.random.default_rng(2))
 
 
 @pytest.mark.parametrize("target", sorted(MACHINES))
 def test_trials_agree(target):
-    env = environment("empty-hard", "state", trials=3)
+    env = environment("objectsx3-hard", "state", trials=3)
     play(env, target, 60, np.random.default_rng(3))
     assert {*(env.state().episodes % 3)} == {0, 1, 2}
 
