@@ -17,16 +17,16 @@ from .marginal_distributions import (
 )
 from .matched_sets import matched_set
 from .points import Spread as Spread, relevant_factors as relevant_factors, spread
-from .representative_sets import coverage, effective_number, representativeness
+from .representative_sets import coverage, effective_number
 from .sliced import w2_sliced
 from .unseen import unseen_differences
-from .visual import clustering_w2 as clustering_w2, visual_distance, visual_w2
-from .w2_parts import decompose, same_distribution_floor, w2_debiased
+from .visual import visual_distance, visual_w2
+from .w2_parts import decompose, w2_debiased
 from .wasserstein import MISMATCH as MISMATCH, cost_matrix, w2, w2_report
 
 __all__ = [
     "cost_matrix", "coverage", "decompose", "design", "dynamics_distance", "dynamics_w2", "effective_number", "ks",
-    "ks_by_factor", "ks_report", "matched_set", "mmd_test", "representativeness", "rule_set_distances",
-    "same_distribution_floor", "sample_entropy", "spread", "unseen_differences", "visual_distance", "visual_w2", "w2",
+    "ks_by_factor", "ks_report", "matched_set", "mmd_test", "rule_set_distances",
+    "sample_entropy", "spread", "unseen_differences", "visual_distance", "visual_w2", "w2",
     "w2_debiased", "w2_report", "w2_sliced",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""How well a level set represents its distribution: distance, coverage, and the effective number of levels."""
+"""How well a level set represents its distribution: coverage, and the effective number of levels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,36 +8,11 @@ import numpy as np
 from segar.errors import LevelError
 from segar.language import Factor
 from segar.levels import LevelDistribution, Levels, checks, entity_types
-from segar.metrics.kolmogorov import FactorKS, ks_report
-from segar.metrics.points import Spread, Units, spread
+from segar.metrics.points import Spread, Units
 from segar.metrics.wasserstein import MISMATCH, exact_costs
-from segar.support import emd
 
-STAND_IN_LEVELS = 500  # levels that stand for the distribution
 STAND_IN_SPLIT = "representativeness"
 """Split of these levels, so that they are no train or test levels."""
-
-
-@dataclass(frozen=True)
-class Representativeness:
-    """How a level set compares with independent sets of its size from the same distribution.
-
-    Attributes:
-        distance: exact W2 from the set to 500 levels of the distribution.
-        expected, expected_std: mean and standard deviation of that distance for independent sets.
-        farther: share of independent sets that are at least as far (the set itself counted in): small for a set that is
-            less representative than chance, near 1 for one that covers better than chance.
-        ks, ks_p_value: mean-field statistic of the set against the distributions of its factors, and its test.
-        factors: the marginals, most conspicuous first; see :class:`segar.metrics.FactorKS`.
-    """
-
-    distance: float
-    expected: float
-    expected_std: float
-    farther: float
-    ks: float
-    ks_p_value: float
-    factors: tuple[FactorKS, ...]
 
 
 @dataclass(frozen=True)
@@ -52,44 +27,6 @@ class Coverage:
     radius: float
     high: float
     mean: float
-
-
-def representativeness(
-    levels: Levels,
-    law: LevelDistribution,
-    *,
-    rng: np.random.Generator,
-    resamples: int = 99,
-    factors: Sequence[type[Factor]] | None = None,
-) -> Representativeness:
-    """Whether a set of levels is a fair sample of a distribution, without any training.
-
-    Args:
-        rng: seeds the levels that stand for the distribution, and ``resamples`` (at least 19) independent sets.
-        factors: count these factors and no others.
-
-    Raises:
-        LevelError: as :func:`segar.metrics.ks_report`.
-    """
-    checks.require_levels("representativeness", levels)
-    checks.require_distribution("representativeness", law)
-    report = ks_report(levels, law, rng=rng, resamples=resamples, factors=factors)
-    n = len(levels)
-    stand_in = law.sample(STAND_IN_LEVELS, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
-    fresh = law.sample(n * resamples, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
-    units, types = Units(spread(law), factors), entity_types(levels, stand_in, fresh)
-    sets = [levels, *(fresh[k * n : (k + 1) * n] for k in range(resamples))]
-    costs = (exact_costs(one, stand_in, types, units, MISMATCH) for one in sets)
-    distances = np.sqrt([emd(cost) for cost in costs])
-    return Representativeness(
-        distance=float(distances[0]),
-        expected=float(distances[1:].mean()),
-        expected_std=float(distances[1:].std(ddof=1)),
-        farther=float((distances >= distances[0] - 1e-12).mean()),
-        ks=report.value,
-        ks_p_value=report.p_value,
-        factors=report.factors,
-    )
 
 
 def coverage(

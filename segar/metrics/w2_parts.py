@@ -178,35 +178,6 @@ class DebiasedW2:
     unseen: tuple[str, ...] = ()
 
 
-def same_distribution_floor(
-    law: LevelDistribution,
-    n: int,
-    m: int,
-    mode: Mode = "exact",
-    *,
-    rng: np.random.Generator,
-    repeats: int = 10,
-    mismatch: float | None = None,
-    scale: Spread | None = None,
-    factors: Sequence[type[Factor]] | None = None,
-) -> Floor:
-    """The distance that n levels have from m others of their own distribution.
-
-    With large m it is W2(n, infinity): how far n levels are from the distribution that they come from.
-
-    Args:
-        rng: seeds the fresh levels; ``repeats`` (at least 2) pairs of sets are drawn.
-        Others as for :func:`segar.metrics.w2`.
-
-    Raises:
-        LevelError: as :func:`segar.metrics.w2`, or too few repeats.
-    """
-    checks.require_distribution("same_distribution_floor", law)
-    checks.require_generator("same_distribution_floor", rng)
-    options = {"mode": mode, "mismatch": mismatch, "scale": scale, "factors": factors}
-    return _floor(_distances((law, n), (law, m), rng, repeats, options))
-
-
 def w2_debiased(
     a: Levels,
     b: Levels,
@@ -222,11 +193,17 @@ def w2_debiased(
 
     a', a'' are fresh sets of a's distribution with as many levels as a and b, likewise b', b''. This is for levels that
     were drawn independently from their distributions; a set that was selected (:func:`segar.design`) has no such floor.
-    Arguments as for :func:`same_distribution_floor`. The subtraction is that of the energy distance and of the Sinkhorn
-    divergence (Genevay, Peyré and Cuturi 2018), applied to squared distances.
+    ``floor_a`` of n levels and of very many others is how far n levels are from the distribution that they come from. The
+    subtraction is that of the energy distance and of the Sinkhorn divergence (Genevay, Peyré and Cuturi 2018), applied to
+    squared distances.
+
+    Args:
+        rng: seeds the fresh levels; ``repeats`` (at least 2) pairs of sets are drawn.
+        Others as for :func:`segar.metrics.w2`.
 
     Raises:
-        LevelError: as :func:`segar.metrics.w2`; or levels do not know their distribution, as those from files.
+        LevelError: as :func:`segar.metrics.w2`; too few repeats; or levels do not know their distribution, as those from
+            files.
     """
     checks.require_levels("w2_debiased", a, b)
     checks.require_generator("w2_debiased", rng)

@@ -1,9 +1,5 @@
 from .filter_bank import FilterBank
-from .filter_clusters import (
-    FilterClusters as FilterClusters,
-    cluster_costs as cluster_costs,
-    filter_textures,
-)
+from .filter_clusters import filter_textures
 from .inputs import (
     BACKGROUND as BACKGROUND,
     NOISE_CLIP as NOISE_CLIP,
@@ -11,12 +7,7 @@ from .inputs import (
     name_of_input as name_of_input,
 )
 from .layout_inputs import type_inputs as type_inputs
-from .measures import (
-    CHIEF as CHIEF,
-    KINDS as KINDS,
-    linear_read_out,
-    look_distances as look_distances,
-)
+from .measures import linear_read_out
 from .standard import (
     INPUTS as INPUTS,
     UNIFORM as UNIFORM,

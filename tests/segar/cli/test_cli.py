@@ -95,12 +95,6 @@ def test_what_is_not_known_is_one_line_and_exit_status_2(capsys, arguments, mess
     assert out == "" and err.count("\n") == 1 and err.startswith("segar: ") and message in err
 
 
-def test_an_unknown_command_is_refused_with_the_ones_that_exist(capsys):
-    with pytest.raises(SystemExit) as refused:
-        cli.main(["compiel"])
-    assert refused.value.code == 2 and "compile" in capsys.readouterr().err
-
-
 def test_a_reader_that_stops_early_meets_no_traceback():
     command = f"{sys.executable} -m segar kernel show objectsx3-hard | head -1"
     run = subprocess.run(command, shell=True, cwd=ROOT, capture_output=True, text=True)

@@ -242,23 +242,6 @@ def test_what_cannot_be_done_is_one_line_and_exit_status_2(
     assert sorted(tmp_path.iterdir()) == there
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["sample", "empty-hard"], "the following arguments are required: -o/--output"),
-        (["sample", "empty-hard", "-n", "0", "-o", "x"], "argument -n/--number: must be a whole number"),
-        (["sample", "empty-hard", "-n", "few", "-o", "x"], "must be a whole number from 1 up, not 'few'"),
-        (["distance", "a", "b", "--mode", "exat"], "argument --mode: invalid choice: 'exat'"),
-        (["hardness", "a", "--samples", "7"], "must be a whole number from 8 up, not '7'"),
-    ],
-)
-def test_what_cannot_be_parsed_is_one_line_and_exit_status_2(capsys, arguments, message):
-    with pytest.raises(SystemExit) as refused:
-        cli.main(arguments)
-    out, err = capsys.readouterr()
-    assert refused.value.code == 2 and out == "" and err.count("\n") == 1 and message in err
-
-
 @pytest.mark.parametrize("command", ["sample", "distance", "describe", "hardness", "compile", "families", "kernel"])
 def test_every_command_explains_itself(capsys, command):
     with pytest.raises(SystemExit) as left:

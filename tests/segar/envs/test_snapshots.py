@@ -135,14 +135,9 @@ def test_entities_that_a_level_lacks_are_not_restored_in_it():
         env.restore(snapshot)
 
 
-def test_files_that_are_no_snapshots_are_refused(running, tmp_path):
+def test_files_that_are_no_snapshots_are_refused(tmp_path):
     path = tmp_path / "snapshot.npz"
     with pytest.raises(SegarError, match="there is no snapshot"):
-        Snapshot.load(path)
-    running.state().save(path)
-    whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(SegarError, match="is not a snapshot, or only part of one"):
         Snapshot.load(path)
     LEVELS.save(path)
     with pytest.raises(SegarError, match="is not a snapshot"):
@@ -164,11 +159,6 @@ def test_a_saved_snapshot_has_the_arrays_that_segar_0_1_reads(running, tmp_path)
             r"'values' must be float64 of shape \(environments, entities, columns\), not float64 of shape \(6, 3\)",
         ),
         ("level", np.zeros(6), r"'level' must be int64 of shape \(6,\), not float64 of shape \(6,\)"),
-        (
-            "tick",
-            np.zeros(5, np.int64),
-            r"'tick' must be int64 of shape \(6,\), not int64 of shape \(5,\)",
-        ),
         (
             "memory/stack",
             np.zeros((2, 4)),

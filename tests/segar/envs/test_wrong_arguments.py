@@ -92,6 +92,7 @@ OPTIONS = {  # argument, value, what the message names
     "no steps": ("max_steps", 0, "max_steps"),
     "a fraction of steps": ("max_steps", 1.5, "max_steps"),
     "text for steps": ("max_steps", "100", "max_steps"),
+    "a truth for steps": ("max_steps", True, "max_steps"),
     "no sub-steps": ("sub_steps", 0, "sub_steps"),
     "unknown render mode": ("render_mode", "rgb", "rgb"),
     "a number for the view": ("view", 64, "view"),

@@ -24,7 +24,6 @@ MEASURES: dict[str, Callable[..., Any]] = {
 DRAWING: dict[str, Callable[..., Any]] = {
     "w2_report": lambda a, rng: metrics.w2_report(a, a, rng=rng),
     "w2_debiased": lambda a, rng: metrics.w2_debiased(a, a, rng=rng),
-    "same_distribution_floor": lambda a, rng: metrics.same_distribution_floor(a.distribution, 2, 2, rng=rng),
     "w2_sliced": lambda a, rng: metrics.w2_sliced(a, a, rng=rng),
     "ks_report": lambda a, rng: metrics.ks_report(a, a, rng=rng),
     "mmd_test": lambda a, rng: metrics.mmd_test(a, a, rng=rng),
@@ -71,9 +70,6 @@ def test_a_seed_is_no_generator(name):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda a: metrics.same_distribution_floor(a, 2, 2, rng=RNG), "same_distribution_floor needs"),
-        (lambda a: metrics.representativeness(a, a, rng=RNG), "representativeness needs a level distribution"),
-        (lambda a: metrics.representativeness(a.distribution, a, rng=RNG), "representativeness takes level sets"),
         (lambda a: metrics.spread(a, 3), "spread needs a level distribution .* not a int"),
         (lambda a: metrics.dkw_band(0), "at least 1 value and a confidence between 0 and 1, not 0 and 0.95"),
         (lambda a: metrics.dkw_band(10, 95), "not 10 and 95"),

@@ -4,12 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import segar
-from segar import Charger, GaussianNoise, LevelDistribution, Levels, Position, Prior, RandomUniformLocation
-from segar.metrics import dkw_band, ks_report, mmd_test, w2_report
-from segar.metrics.distribution_functions import factor_marginals
+from segar import Levels, Position
+from segar.metrics import ks_report, mmd_test, w2_report
 
 pytestmark = pytest.mark.slow
 
@@ -18,18 +16,9 @@ LEVEL = 0.05
 POINTS = 0.02
 LAW = segar.family("empty-hard")
 
-MADE_OF_ATOMS = LevelDistribution(
-    numbers=[(Charger, 1)],
-    priors=[
-        Prior(segar.Charge, segar.DiscreteRangeNoise(0, 4)),
-        Prior(segar.Mass, GaussianNoise(1.0, 0.5, clip=(0.5, 1.5))),
-        Prior(Position, RandomUniformLocation()),
-    ],
-)
 
-
-def sample(number: int, n: int, side: str, distribution: LevelDistribution = LAW) -> Levels:
-    return distribution.sample(n, seed=number, split=f"calibration {side}")
+def sample(number: int, n: int, side: str) -> Levels:
+    return LAW.sample(n, seed=number, split=f"calibration {side}")
 
 
 def rejections(p_value: Callable[[int], float]) -> float:
@@ -61,33 +50,6 @@ def test_the_joint_test_against_a_distribution_rejects_it_as_often_as_it_says():
     rate = rejections(p_value)
     print(f"\nks against a distribution: {rate:.3f}")
     assert rate == pytest.approx(LEVEL, abs=POINTS)
-
-
-@pytest.mark.parametrize("n", [20, 200])
-def test_the_band_of_a_sample_misses_its_distribution_as_often_as_it_says(n):
-    missed: dict[str, list[bool]] = {}
-    for number in range(REPETITIONS):
-        for marginal in factor_marginals("test", sample(number, n, "a"), LAW, [Position]):
-            if ".Position" in marginal.name:
-                missed.setdefault(marginal.name, []).append(marginal.largest_difference() > dkw_band(n))
-    rates = {name: float(np.mean(m)) for name, m in missed.items()}
-    print(f"\nband of {n}: {rates}")
-    assert len(rates) == 4
-    # Without atoms, the statistic is distributed alike for all four, so they are samples of one rate. It is a little below
-    # the nominal one: the band's formula is exact for many values only.
-    assert np.mean(list(rates.values())) == pytest.approx(LEVEL, abs=POINTS)
-    assert np.mean(list(rates.values())) == pytest.approx(stats.kstwo.sf(dkw_band(n), n), abs=0.01)
-
-
-def test_the_band_of_a_distribution_with_atoms_is_never_too_narrow():
-    missed: dict[str, list[bool]] = {}
-    for number in range(REPETITIONS):
-        levels = sample(number, 50, "a", MADE_OF_ATOMS)
-        for marginal in factor_marginals("test", levels, MADE_OF_ATOMS, [segar.Charge, segar.Mass]):
-            missed.setdefault(marginal.name, []).append(marginal.largest_difference() > dkw_band(50))
-    rates = {name: float(np.mean(m)) for name, m in missed.items()}
-    print(f"\nband with atoms: {rates}")
-    assert 0.0 < rates["Charger.Charge"] <= LEVEL + POINTS and 0.0 < rates["Charger.Mass"] <= LEVEL + POINTS
 
 
 def test_each_factors_tests_reject_one_distribution_as_often_as_they_say():

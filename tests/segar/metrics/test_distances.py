@@ -18,7 +18,6 @@ from segar.metrics import (
     decompose,
     embed,
     mmd_test,
-    same_distribution_floor,
     spread,
     w2,
     w2_debiased,
@@ -189,7 +188,8 @@ def test_the_debiased_square_is_near_zero_for_one_distribution_and_near_the_dist
 
 def test_the_floor_falls_with_the_number_of_levels():
     distribution = segar.family("empty-hard")
-    floors = [same_distribution_floor(distribution, n, 300, rng=rng(), repeats=3).mean for n in (3, 30, 300)]
+    many = distribution.sample(300, split="test")
+    floors = [w2_debiased(distribution.sample(n), many, rng=rng(), repeats=3).floor_a.mean for n in (3, 30, 300)]
     assert floors[0] > floors[1] > floors[2] > 0
 
 

@@ -12,7 +12,6 @@ from segar import (
     GoalTile,
     GolfBall,
     Gravity,
-    LevelDistribution,
     Levels,
     Mass,
     Position,
@@ -163,20 +162,6 @@ def test_the_parts_of_a_distance_add_up():
     assert np.mean([e.value**2 for e in found.by_horizon.values()]) == pytest.approx(square)
     assert sum(e.value**2 for e in found.parts.values()) / 2 == pytest.approx(square)
     assert str(found).splitlines()[0].split() == ["after", "steps", "1", "3", "all"]
-
-
-def test_a_rule_set_of_a_space_is_the_world_of_its_rules_compiled_apart():
-    space = dynamics_space(active=3)
-    dist = segar.family("objectsx1-hard")
-    levels = dist.with_rules(space).sample(1, seed=3)
-    active = [name for name, on in zip(space.names, segar.levels.active_options(levels)[0], strict=True) if on]
-    values = dict(zip(levels.layout.parameters, levels.parameters[0].tolist(), strict=True))
-    taken = {p: values[p] for o in space.options if o.name in active for p in o.constants}
-    world = World(space.rules_of(active), on_contact=space.on_contact_of(active))
-    apart = LevelDistribution(dist.numbers, dist.priors, parameters={**dict(dist.parameters), **taken}, world=world)
-    there = make_situations(dist.sample(4, seed=0), rng=np.random.default_rng(0))
-    assert dynamics_distance(levels, apart.sample(1, seed=0), there).value < 1e-9
-    assert dynamics_distance(levels, dist.sample(1), there).value > 0.1
 
 
 def test_outcomes_do_not_depend_on_the_batch_or_on_threads():

@@ -1,4 +1,4 @@
-"""What a level set is worth: coverage, effective number, entropy, and whether it stands for its distribution."""
+"""What a level set is worth: coverage, effective number and entropy."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from segar import (
     UniformNoise,
 )
 from segar.errors import LevelError
-from segar.metrics import coverage, effective_number, representativeness, sample_entropy
+from segar.metrics import coverage, effective_number, sample_entropy
 from segar.noise import Independent
 
 UNIT = {(GolfBall, Position): 1.0}
@@ -56,18 +56,6 @@ def test_two_clusters_are_worth_the_exponential_of_the_entropy_of_their_shares()
     clusters = balls([[-0.9, 0.0]] * 9 + [[0.9, 0.0]])
     tight = {(GolfBall, Position): 0.01}
     assert effective_number(clusters, scale=tight, mismatch=50.0) == pytest.approx(0.9**-0.9 * 0.1**-0.1)
-
-
-def test_an_independent_sample_is_representative_and_a_crowd_is_not():
-    distribution = segar.family("empty-hard")
-    fair = representativeness(distribution.sample(20, seed=1, split="train"), distribution, rng=rng(), resamples=39)
-    crowd = representativeness(segar.design(distribution, 20, "clustered"), distribution, rng=rng(), resamples=39)
-    assert fair.farther > 0.05 and fair.ks_p_value > 0.05
-    assert crowd.farther == crowd.ks_p_value == 1 / 40
-    assert crowd.distance > crowd.expected + 5 * crowd.expected_std
-    assert crowd == representativeness(
-        segar.design(distribution, 20, "clustered"), distribution, rng=rng(), resamples=39
-    )
 
 
 def test_the_entropy_of_independent_factors_is_that_of_their_distributions():
@@ -127,7 +115,6 @@ def test_equal_levels_have_no_entropy():
         (lambda a: sample_entropy(a), "occurs more than 3 times among these 3"),
         (lambda a: coverage(a, a.distribution), "coverage of a distribution draws levels"),
         (lambda a: coverage(a, "b", rng=rng()), "coverage needs a level distribution .* not a str"),
-        (lambda a: representativeness(a, a.distribution, rng=rng(), resamples=5), "at least 19 resamples, not 5"),
     ],
 )
 def test_wrong_options_are_named(call, message):

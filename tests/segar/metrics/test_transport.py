@@ -79,22 +79,6 @@ def test_sliced_costs_are_pots_for_all_counts():
             assert costs[i, j] == (0.0 if len(x) == len(y) else 7.0)
 
 
-def test_partial_matching_is_a_metric_on_sets_of_different_sizes():
-    rng = np.random.default_rng(6)
-    sets = PointSets(np.tile(np.arange(5), 8), rng.normal(size=(80, 2)) * np.repeat([0.3, 3.0], 40)[:, None])
-    distance = np.sqrt(matching_costs(sets, sets, mismatch=1.2))
-    np.testing.assert_allclose(distance, distance.T, atol=1e-12)
-    np.testing.assert_allclose(np.diag(distance), 0.0, atol=1e-12)
-    assert (distance[:, None, :] <= distance[:, :, None] + distance[None, :, :] + 1e-9).all()
-
-
-def test_exact_obeys_the_triangle_inequality_on_random_level_sets():
-    sets = [segar.family("puttputt").sample(3, seed=s, split="train") for s in range(7)]
-    scale = spread(sets[0])
-    distance = np.array([[w2(a, b, scale=scale) for b in sets] for a in sets])
-    assert (distance[:, None, :] <= distance[:, :, None] + distance[None, :, :] + 1e-9).all()
-
-
 @pytest.fixture(scope="module")
 def recorded() -> list[list[dict]]:
     """Recorded levels of 2022, each the factors of its things by name, before overlaps were removed."""

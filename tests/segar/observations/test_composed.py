@@ -83,20 +83,6 @@ def test_batch_threads_and_copying_change_no_bit(observation):
 
 
 @pytest.mark.parametrize("observation", COMPOSED.values(), ids=COMPOSED)
-def test_observations_of_an_earlier_step_are_the_callers_to_keep(observation):
-    env = VectorEnv(LEVELS, 6, observation=observation, seed=0, max_steps=4)
-    env.reset()
-    kept, copies = [], []
-    for step in range(9):
-        observed, *_, info = env.step(actions(step, 6))
-        kept += [observed, info.get("final_obs", ())]
-        copies += [part(one, slice(None)) for one in kept[-2:]]
-        for array in leaves(part(observed, slice(None))):
-            array[:] = 7  # a caller may write into what he keeps, and later observations know nothing of it
-    assert same(tuple(kept), tuple(copies))
-
-
-@pytest.mark.parametrize("observation", COMPOSED.values(), ids=COMPOSED)
 def test_forks_of_a_saved_snapshot_observe_what_the_environment_would_have(observation, tmp_path):
     env = VectorEnv(LEVELS, 6, observation=observation, seed=1, autoreset_mode="Disabled")
     env.reset()

@@ -5,7 +5,6 @@ import hashlib
 import numpy as np
 import pytest
 
-import segar
 from segar.language.entities import GoalTile, GolfBall
 from segar.observations.pixels.drawing import RENDERER_VERSION
 from segar.observations.pixels.solid_colours import Pixels
@@ -38,25 +37,3 @@ def test_a_hundred_frames_are_those_of_this_renderer_version(kind):
         " segar/observations/pixels/drawing.py and GOLDEN_VERSION here, put the new hashes here, and say in CHANGELOG.md under"
         f" 'Changes results' what looks different and since which version. '{kind}' is now {found}."
     )
-
-
-def roll(observation: object, num_envs: int, num_threads: int) -> np.ndarray:
-    """100 frames of the first four environments, resets included."""
-    levels = segar.family("objectsx3-hard").sample(6, seed=1)
-    options = {"observation": observation, "seed": 5, "num_threads": num_threads, "max_steps": 30}
-    env = segar.envs.VectorEnv(levels, num_envs, **options)
-    rng = np.random.default_rng(0)
-    frames = [env.reset()[0][:4]]
-    for _ in range(99):
-        actions = np.zeros((num_envs, 2), np.float32)
-        actions[:4] = rng.uniform(-1, 1, (4, 2))
-        frames.append(env.step(actions)[0][:4])
-    return np.stack(frames)
-
-
-@pytest.mark.parametrize("kind", ["solid", "textures"])
-def test_a_hundred_frames_of_a_seed_are_the_same_on_repeat_in_any_batch_and_any_threads(kind):
-    first = roll(KINDS[kind], 4, 1)
-    assert len(np.unique(first.reshape(100, -1), axis=0)) == 100
-    for num_envs, num_threads in ((4, 1), (64, 1), (64, 2)):
-        np.testing.assert_array_equal(roll(KINDS[kind], num_envs, num_threads), first)

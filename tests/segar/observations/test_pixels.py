@@ -6,20 +6,15 @@ import pytest
 from segar.errors import FactorError, SegarError
 from segar.language.entities import (
     Ball,
-    Bumper,
     Charger,
     CueBall,
-    Damper,
     GoalTile,
     GolfBall,
-    Hole,
-    MagmaTile,
     Magnet,
     SandTile,
 )
-from segar.language.factors import Charge, Magnetism, Mobile, Order, Position, Size, Visible
+from segar.language.factors import Charge, Magnetism, Position, Size, Visible
 from segar.observations.pixels.solid_colours import COLOURS, FLOOR, Colour, Pixels, colour_of
-from segar.observations.protocol import BoundObservation, Observation
 from tests.segar.observations.plain_renderer import Look, draw_plainly
 from tests.segar.observations.scenes import ANYTHING, Scene, draw, put, scene
 
@@ -48,17 +43,6 @@ def test_frames_equal_those_of_a_plain_renderer(resolution):
         np.testing.assert_array_equal(frames[level], plain)
 
 
-def test_a_frame_does_not_depend_on_its_batch():
-    levels = scene((GolfBall,), (GoalTile,), *[ANYTHING] * 3, n=1024)
-    together = draw(levels)
-    bound = Pixels().bind(levels, 1)
-    alone = np.zeros((1, 64, 64, 3), np.uint8)
-    for i in (0, 1, 500, 1023):
-        bound.begin(levels.values[i : i + 1], np.array([i]), np.array([True]))
-        bound.write(levels.values[i : i + 1], np.array([i]), alone, np.arange(0, 1))
-        np.testing.assert_array_equal(alone[0], together[i])
-
-
 def test_only_the_asked_range_is_written():
     levels = scene((GolfBall,), (GoalTile,), n=8)
     bound = Pixels().bind(levels, 8)
@@ -81,31 +65,6 @@ def test_backgrounds_are_repainted_only_where_an_episode_begins():
     bound.write(levels.values, np.array([0, 1]), frames, np.arange(0, 2))
     np.testing.assert_array_equal(frames[0], draw(levels)[0])
     np.testing.assert_array_equal(frames[1], first[1])
-
-
-def test_among_objects_the_highest_order_lies_on_top_and_among_tiles_the_lowest():
-    objects = scene((Ball,), (Bumper,), (Damper,))
-    tiles = scene((SandTile,), (MagmaTile,), (Hole,))
-    for entity, order in enumerate((1, 3, 2)):
-        for levels in (objects, tiles):
-            put(levels, 0, entity, Order, order)
-            put(levels, 0, entity, Position, 0.0)
-    for entity in range(3):
-        put(objects, 0, entity, Size, 0.5)
-        tiles.vertices[0, entity, :4], tiles.vertex_count[0, entity] = [[-1, -1], [1, -1], [1, 1], [-1, 1]], 4
-    bumper, sand = COLOURS[Bumper], COLOURS[SandTile]
-    assert tuple(draw(objects)[0, 32, 32]) == bumper.high
-    friction = 0.4
-    blend = np.rint(np.array(sand.low) + friction * (np.array(sand.high) - np.array(sand.low)))
-    assert tuple(draw(tiles)[0, 32, 32]) == tuple(blend)
-
-
-def test_objects_lie_on_tiles_whatever_their_order():
-    levels = scene((GolfBall,), (GoalTile,))
-    for entity, order in enumerate((-9, 9)):
-        put(levels, 0, entity, Order, order)
-        put(levels, 0, entity, Position, 0.0)
-    assert tuple(draw(levels)[0, 32, 32]) == (255, 255, 255)
 
 
 def test_what_is_invisible_or_absent_is_not_drawn():
@@ -131,18 +90,6 @@ def test_an_object_is_drawn_as_large_and_as_visible_as_it_is_now():
         covered.append((frames[0] != FLOOR).any(axis=-1).sum())
     # Radii are rounded to whole pixels (3 and 10); a disc of radius r covers about pi (r + 1/2)^2 of them.
     assert covered == [pytest.approx(np.pi * 3.5**2, rel=0.1), pytest.approx(np.pi * 10.5**2, rel=0.05), 0]
-
-
-def test_only_mobile_objects_have_a_black_outline():
-    levels = scene((Ball,), n=2)
-    for level, mobile in enumerate((0, 1)):
-        put(levels, level, 0, Position, 0.0)
-        put(levels, level, 0, Size, 0.4)
-        put(levels, level, 0, Mobile, mobile)
-    frames = draw(levels)
-    assert tuple(frames[0, 32, 32 - 6]) == COLOURS[Ball].low
-    assert tuple(frames[1, 32, 32 - 6]) == (0, 0, 0)
-    assert tuple(frames[1, 32, 32 - 5]) == COLOURS[Ball].low
 
 
 def test_all_types_look_different_whatever_their_factors():
@@ -173,14 +120,6 @@ def test_a_users_type_looks_like_its_nearest_ancestor_unless_it_has_a_colour():
     put(levels, 0, 0, Position, 0.0)
     put(levels, 0, 0, Size, 0.4)
     assert tuple(draw(levels, Pixels(colours={Ember: Colour((1, 2, 3))}))[0, 32, 32]) == (1, 2, 3)
-
-
-def test_pixels_keep_the_protocol_of_observations():
-    levels = scene((GolfBall,), (GoalTile,))
-    bound = Pixels().bind(levels, 1)
-    assert isinstance(Pixels(), Observation)
-    assert isinstance(bound, BoundObservation)
-    assert bound.space.shape == (64, 64, 3) and bound.space.dtype == np.uint8
 
 
 def test_wrong_resolutions_and_colours_are_refused():

@@ -355,18 +355,6 @@ def test_policies_of_runs_are_listed_and_play_and_none_from_elsewhere(tmp_path: 
     assert studio.answer("policy", {"version": 1, "run": None}, never) == {"version": 2}
 
 
-def test_a_run_plays_with_what_it_observed(tmp_path: Path) -> None:
-    env = segar.envs.VectorEnv(TRAIN, 1, observation="state", seed=0)
-    assert env.single_observation_space.shape is not None
-    folder = tmp_path / "run" / "evaluations" / "last"
-    folder.mkdir(parents=True)
-    player(env.single_observation_space.shape[0]).save(folder / "network.npz")
-    (tmp_path / "run" / "config.yaml").write_text("observation: {name: state, options: {}}\n")
-    studio = Studio(TRAIN, runs=tmp_path)
-    answer = studio.answer("policy", {"version": 0, "run": "run/evaluations/last"}, threading.Event())
-    assert answer == {"version": 1}
-
-
 def test_a_page_in_a_file_asks_nobody_and_holds_nothing_of_a_studio() -> None:
     page, studio = make_playground(TRAIN, observations=["state"]).html, Studio(TRAIN, observations=["state"]).html
     assert "connect-src" not in page and "connect-src 'self'" in studio

@@ -49,12 +49,6 @@ def test_the_same_seed_gives_the_same_film_and_another_one_another(tmp_path):
     assert a == b != c
 
 
-def test_a_policy_can_be_filmed(tmp_path):
-    env = single()
-    record(env, tmp_path / "script.gif", lambda observation, info: env.task.demo_actions(info["factors"]), seed=0)
-    assert env.reset(seed=0)[1]["level"] >= 0
-
-
 def test_several_environments_are_filmed_side_by_side(tmp_path):
     env = segar.envs.VectorEnv(LEVELS, 4, render_mode="rgb_array", view=SMALL, seed=0)
     assert record(env, tmp_path / "film.gif", steps=5) == 6

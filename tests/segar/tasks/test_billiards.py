@@ -49,16 +49,6 @@ def test_the_table_has_a_cue_ball_ten_balls_and_four_pockets():
     assert kinds == [CueBall] + [Ball] * 10 + [Hole] * 4
 
 
-def test_the_rack_is_a_triangle_symmetric_about_the_middle_whose_balls_do_not_touch():
-    rack = drawn(Position)[0, BALLS]
-    mirrored = rack * (-1, 1)
-    assert {tuple(x) for x in rack.round(9) + 0.0} == {tuple(x) for x in mirrored.round(9) + 0.0}
-    rows, members = np.unique(rack[:, 1], return_counts=True)
-    assert members.tolist() == [1, 2, 3, 4] and np.ptp(np.diff(rows)) < 1e-12 and rows[0] == 0
-    gaps = np.linalg.norm(rack[:, None] - rack[None], axis=-1)[np.triu_indices(10, 1)]
-    assert gaps.min() == pytest.approx(0.202) and gaps.min() > drawn(Size)[0, BALLS].max()
-
-
 def test_the_table_is_the_one_that_was_recorded_in_2022():
     for recording in recordings(folder() / "billiards.npz"):
         ids, meta = recording.meta["ids"], recording.meta["entities"]

@@ -1,10 +1,8 @@
 """Invisiball: PuttPutt whose ball is not seen once it has been pushed, though it rolls on."""
 
 import numpy as np
-import pytest
 
 import segar
-from segar import Charge, Charger, GoalTile, GolfBall, Mass, Mobile, Position, Size
 from segar.envs import Env, VectorEnv
 from segar.observations.state.state_vector import StateVector
 from segar.rendering import View
@@ -71,24 +69,6 @@ def test_the_state_vector_shows_the_ball_unless_it_is_to_see_no_more_than_pixels
         x = [names.index(f"golfball.Position.{c}") for c in "xy"]
         np.testing.assert_allclose(all_of_it[:, x], info["factors"]["Position"][:, BALL], rtol=1e-6)
         assert (seen[:, of_ball] == 0).all() and np.array_equal(seen[:, ~of_ball], all_of_it[:, ~of_ball])
-
-
-def test_the_default_levels_are_those_of_2022():
-    levels = segar.family("invisiball").sample(1000, seed=0)
-    assert levels.task == "invisiball"
-    layout = levels.layout
-    assert layout.types[:3] == (Charger, GoalTile, GolfBall)
-    chargers = (levels.types == layout.types.index(Charger)).sum(axis=1)
-    assert np.bincount(chargers).min() == 0 and set(chargers) == {1, 2, 3}
-    first, goal = 0, layout.slot_index("goal")
-    assert np.abs(drawn(levels, first, Position)).max() <= 0.475
-    assert drawn(levels, BALL, Position)[:, 1].max() <= -0.475 and drawn(levels, goal, Position)[:, 1].min() >= 0.475
-    for slot in (first, BALL):
-        size = drawn(levels, slot, Size)
-        assert size.min() >= 0.1 and size.max() <= 0.25 and size.mean() == pytest.approx(0.2, abs=0.002)
-        for factor in (Mass, Mobile, Charge):
-            assert (drawn(levels, slot, factor) == 1).all()
-    assert (levels.values[:, goal, layout.columns[Size]] == 0.3).all()
 
 
 def test_the_ball_tells_where_it_is_by_what_it_does_to_the_chargers():

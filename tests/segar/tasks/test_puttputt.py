@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Levels, Object, Position, SandTile, SegarError, Tile, Velocity
+from segar import Levels, Position, SegarError, Velocity
 from segar.envs import Env, VectorEnv
-from segar.language import Hole
-from segar.levels.named_families import ANYTHING
 from segar.tasks.puttputt_task import demo_actions
 from tests.segar.tasks.play import at_random, by_script, episodes
 
@@ -109,23 +107,6 @@ def test_with_a_goal_speed_a_fast_ball_rolls_over_the_goal():
     _, _, terminated, _, info = env.step(np.zeros((2, 2), np.float32))
     assert terminated.tolist() == info["success"].tolist() == [False, True]
     assert (info["results"]["distance_to_goal"] <= 0.01).all()
-
-
-def test_random_middle_has_one_thing_of_nine_kinds_in_the_middle():
-    levels = segar.family("puttputt-random-middle").sample(3000, seed=0)
-    layout = levels.layout
-    assert layout.names == ("thing1", "goal", "golfball", "global_friction") and levels.task is None
-    x = levels.sampled_values[:, :, layout.columns[Position] : layout.columns[Position] + 2]
-    assert np.abs(x[:, 0]).max() <= 0.475 and x[:, 1, 1].min() >= 0.475 and x[:, 2, 1].max() <= -0.475
-    share = [(levels.types[:, 0] == layout.types.index(kind)).mean() for kind in ANYTHING]
-    assert len(share) == 9 and np.abs(np.array(share) - 1 / 9).max() < 0.025
-    is_tile = np.array([issubclass(t, Tile) for t in layout.types])[levels.types[:, 0]]
-    mobile, mass = (levels.values[:, 0, layout.columns[f]] for f in (segar.Mobile, segar.Mass))
-    assert (mobile[~is_tile] == 1).all() and (mass[~is_tile] == 1).all() and np.isnan(mass[is_tile]).all()
-    sand = levels.types[:, 0] == layout.types.index(SandTile)
-    friction = levels.values[sand, 0, layout.columns[segar.Friction]]
-    assert 0.2 <= friction.min() < 0.25 and 0.95 < friction.max() <= 1.0
-    assert issubclass(Hole, Tile) and (levels.shape_kind[is_tile, 0] == 2).all() and Object in layout.types
 
 
 def test_levels_of_puttputt_made_by_hand_have_results_too():

@@ -1,8 +1,5 @@
 """Sets of textures: the formula, files, and what is refused."""
 
-import json
-import zipfile
-
 import numpy as np
 import pytest
 
@@ -130,20 +127,6 @@ def test_files_that_are_no_textures_are_refused(tmp_path):
     (tmp_path / "half.npz").write_bytes((tmp_path / "mine.npz").read_bytes()[:-100])
     with pytest.raises(segar.SegarError, match="only part of one"):
         TextureSet.load(tmp_path / "half.npz")
-
-
-def test_a_file_of_a_newer_version_is_refused(tmp_path):
-    a_set().save(tmp_path / "mine.npz")
-    with zipfile.ZipFile(tmp_path / "mine.npz") as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    arrays = {name.removesuffix(".npy"): name for name in members}
-    with np.load(tmp_path / "mine.npz") as archive:
-        contents = {name: archive[name] for name in arrays}
-    metadata = json.loads(contents["metadata"].tobytes()) | {"format_version": 99}
-    contents["metadata"] = np.frombuffer(json.dumps(metadata).encode(), np.uint8)
-    np.savez(tmp_path / "newer.npz", **contents)
-    with pytest.raises(segar.SegarError, match="newer SEGAR"):
-        TextureSet.load(tmp_path / "newer.npz")
 
 
 @pytest.mark.parametrize(
