@@ -1,7 +1,6 @@
 """``segar cite``: how to cite SEGAR, and what a publication states of a run, so that others can repeat it."""
 
 import argparse
-import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -73,13 +72,13 @@ def about_run(folder: Path) -> dict[str, Any]:
         )
     if not (folder / VERSIONS).is_file():
         raise SegarError(f"the run in {folder} never began to train: there is no {VERSIONS}")
-    settings, made = _settings_in(folder / CONFIG), _json_in(folder / VERSIONS)
-    summary = _json_in(folder / SUMMARY) if (folder / SUMMARY).is_file() else {}
+    settings, made = _data_in(folder / CONFIG), _data_in(folder / VERSIONS)
+    summary = _data_in(folder / SUMMARY) if (folder / SUMMARY).is_file() else {}
     settings["frames"] = _mapping(settings, "scale", folder / CONFIG).get("frames")
     libraries = _mapping(made, "libraries", folder / VERSIONS)
-    commit = _mapping(made, "git", folder / VERSIONS) if made.get("git") else {}
-    levels = _mapping(made, "levels", folder / VERSIONS) if made.get("levels") else {}
-    code = _mapping(made, "code", folder / VERSIONS) if made.get("code") else {}
+    commit, levels, code = (
+        _mapping(made, name, folder / VERSIONS) if made.get(name) else {} for name in ("git", "levels", "code")
+    )
     try:
         flat = dict(_leaves({name: settings[name] for name in DECIDES if name in settings}))
     except RecursionError:
@@ -103,22 +102,14 @@ def about_run(folder: Path) -> dict[str, Any]:
     }
 
 
-def _settings_in(path: Path) -> dict[str, Any]:
-    """The settings in a YAML file, as plain data; no code that they name is imported."""
-    need("reading the settings of a run", "yaml")
+def _data_in(path: Path) -> dict[str, Any]:
+    """The names and values in a file of YAML, or JSON, as plain data; no code that they name is imported."""
+    need("reading the files of a run", "yaml")
     import yaml
 
     try:
         data = yaml.safe_load(path.read_text())
     except (OSError, ValueError, yaml.YAMLError) as error:
-        raise SegarError(f"{path} cannot be read: {error}") from error
-    return _checked(data, path)
-
-
-def _json_in(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
         raise SegarError(f"{path} cannot be read: {error}") from error
     return _checked(data, path)
 

@@ -1,6 +1,11 @@
 from .checks import actions_of as actions_of, known_options as known_options, require_known as require_known
 from .gym_env import Env
-from .gymnasium_ids import REWARDS as REWARDS, register_all as register_all
+from .gymnasium_ids import (
+    OBSERVATION_NAMES as OBSERVATION_NAMES,
+    REWARDS as REWARDS,
+    register_all as register_all,
+    register_id as register_id,
+)
 from .level_pool import LevelPool as LevelPool
 from .playing import (
     Policy as Policy,

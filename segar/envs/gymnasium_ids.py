@@ -6,6 +6,7 @@ The default levels of the tasks have ``Segar-<puttputt|billiards|invisiball>-<rg
 Registering loads neither levels nor the engine: ``import segar`` does it.
 """
 
+from itertools import product
 from typing import Any
 
 import gymnasium
@@ -15,22 +16,21 @@ from segar.levels import TASK_LEVELS, families
 OBSERVATION_NAMES = ("rgb", "state")
 REWARDS = {"": "squared", "-linear": "linear"}  # of PuttPutt, by what the ids of families say of it
 TASKS = tuple(name for name in TASK_LEVELS if "-" not in name)  # a task's default levels have its name
-ENTRY_POINT, VECTOR_ENTRY_POINT = (f"segar.envs.registration:{name}" for name in ("make_env", "make_vector_env"))
+MAKERS = "segar.envs.registration"
 
 
 def register_all() -> None:
     """Register the ids of all families and tasks; ids that are registered already stay as they are."""
     for observation in OBSERVATION_NAMES:
-        for name in families():
-            for suffix, reward in REWARDS.items():
-                _register(name, observation, suffix, {"reward": reward})
+        for name, (suffix, reward) in product(families(), REWARDS.items()):
+            options = {"family_name": name, "observation": observation, "reward": reward}
+            register_id(f"Segar-{name}-{observation}{suffix}-v0", MAKERS, **options)
         for name in TASKS:
-            _register(name, observation, "", {})
+            register_id(f"Segar-{name}-{observation}-v0", MAKERS, family_name=name, observation=observation)
 
 
-def _register(name: str, observation: str, suffix: str, options: dict[str, Any]) -> None:
-    """Register an id unless it is known."""
-    id_ = f"Segar-{name}-{observation}{suffix}-v0"
+def register_id(id_: str, module: str, **options: Any) -> None:
+    """Register an id, whose environments the module's ``make_env`` and ``make_vector_env`` make, unless it is known."""
     if id_ not in gymnasium.registry:
-        kwargs = {"family_name": name, "observation": observation, **options}
-        gymnasium.register(id_, entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=kwargs)
+        single, batched = (f"{module}:{name}" for name in ("make_env", "make_vector_env"))
+        gymnasium.register(id_, entry_point=single, vector_entry_point=batched, kwargs=options)

@@ -383,22 +383,7 @@ def checked_actions(given: Any, env: VectorEnv) -> Any:
                 f"the policy gave a tuple ({parts}{', ...' if len(given) > 3 else ''}) for {n} observations; give its actions"
                 f" alone, {shape}, such as the first part of what predict of Stable-Baselines3 returns"
             ) from error
-        found = getattr(given, "shape", None)
-        if found is None and isinstance(given, list):
-            found = _shape_of(given)
-        if found is not None and tuple(found) != shape:
-            raise ActionError(
-                f"the policy gave actions of shape {tuple(found)} for {n} observations; give {shape}"
-            ) from error
         raise ActionError(f"what the policy gave for {n} observations, {shape} expected: {error}") from error
-
-
-def _shape_of(given: list[Any]) -> tuple[int, ...] | None:
-    """The shape of a list of numbers; None where it is ragged."""
-    try:
-        return np.shape(given)
-    except ValueError:
-        return None
 
 
 def _interval(value: float, groups: Sequence[np.ndarray]) -> Interval:

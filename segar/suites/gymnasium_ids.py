@@ -4,12 +4,8 @@ The version is the one in the suite's name. The ids have none of their own: a se
 does not make the first one out of date, which Gymnasium would say otherwise.
 """
 
-import gymnasium
-
+from segar.envs import OBSERVATION_NAMES, register_id
 from segar.suites.suite_names import SIDES, suites
-
-OBSERVATION_NAMES = ("rgb", "state")
-ENTRY_POINT, VECTOR_ENTRY_POINT = (f"segar.suites.registration:{name}" for name in ("make_env", "make_vector_env"))
 
 
 def register_suites() -> None:
@@ -17,9 +13,5 @@ def register_suites() -> None:
     for name in suites():
         for side in SIDES:
             for observation in OBSERVATION_NAMES:
-                id_ = f"Segar/{name}-{side}-{observation}"
-                if id_ not in gymnasium.registry:
-                    kwargs = {"suite_name": name, "side": side, "observation": observation}
-                    gymnasium.register(
-                        id_, entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=kwargs
-                    )
+                options = {"suite_name": name, "side": side, "observation": observation}
+                register_id(f"Segar/{name}-{side}-{observation}", "segar.suites.registration", **options)

@@ -34,13 +34,3 @@ def test_a_rollout_is_the_vector_environments_rollout() -> None:
         current = ours.step(TensorDict({"action": torch.from_numpy(action)}, [4]))["next"]
         observations, reward, *_ = plain.step(action)
         np.testing.assert_allclose(current["reward"].numpy()[:, 0], reward, rtol=1e-6)
-
-
-def test_a_masked_reset_starts_only_the_masked_environments() -> None:
-    env = make("Segar-empty-hard-state-v0", 3)
-    start = env.reset()
-    after = env.step(TensorDict({"action": torch.full((3, 2), 0.3)}, [3]))["next"]
-    mask = torch.tensor([[False], [True], [False]])
-    again = env.reset(TensorDict({"_reset": mask}, [3]))
-    assert torch.equal(again["observation"][[0, 2]], after["observation"][[0, 2]])
-    assert again["length"].flatten().tolist() == [1, 0, 1] and start["length"].sum() == 0

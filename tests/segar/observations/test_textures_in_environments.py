@@ -63,14 +63,6 @@ def test_an_intervention_shows_at_once_and_only_where_it_happened():
     np.testing.assert_array_equal(env.intervene("golfball", Mass, 5.0), after)
 
 
-def test_a_level_looks_different_in_each_of_its_episodes_unless_it_shall_not():
-    for noise, alike in (("episode", False), ("level", True)):
-        env = environment(noise=noise, model="level")
-        on_level = {"levels": np.arange(32) % 20}
-        frames = [env.reset(seed=seed, options=on_level)[0].copy() for seed in (1, 2)]
-        assert (frames[0] == frames[1]).all(axis=(1, 2, 3)).all() == alike
-
-
 def test_gymnasium_makes_single_environments_with_textures():
     env = gymnasium.make("Segar-empty-easy-rgb-linear-v0", observation="textures", num_levels=2)
     frame, _ = env.reset(seed=0)

@@ -56,15 +56,6 @@ def test_a_suite_is_what_was_frozen(name):
     assert suite.train.layout.slots == suite.test.layout.slots  # a state shows the same numbers in both
 
 
-@pytest.mark.parametrize("name", suites.suites())
-def test_no_training_level_is_a_test_level(name):
-    suite = suites.suite(name)
-    train = suite.sample(seed=1, n=20)
-    assert train.provenance.split == "train"
-    rows = {row.tobytes() for row in suite.test_levels.values.reshape(200, -1)}
-    assert not any(row.tobytes() in rows for row in train.values.reshape(20, -1))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", suites.suites())
 def test_plans_solve_the_levels_and_chance_does_not(name):

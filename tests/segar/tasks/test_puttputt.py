@@ -58,15 +58,6 @@ def test_the_results_of_a_step_are_those_of_its_factors():
     assert np.array_equal(results["mass"], factors["Mass"][:, BALL]) and results["alive"].dtype == bool
 
 
-def test_results_that_are_kept_stay_what_they_were():
-    env = VectorEnv(EMPTY, 8, seed=0)
-    env.reset(seed=0)
-    kept = env.step(np.full((8, 2), 0.2, np.float32))[-1]["results"]
-    then = kept["distance_to_goal"]
-    env.step(np.full((8, 2), 0.2, np.float32))
-    assert np.array_equal(kept["distance_to_goal"], then)
-
-
 def test_final_results_are_about_the_episode_that_ended():
     env = VectorEnv(EMPTY, 16, seed=0, max_steps=3)
     env.reset(seed=0)
