@@ -2,9 +2,6 @@
 
 import importlib.util
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -164,38 +161,6 @@ def test_hardness_says_who_solves_what_and_writes_a_plan_that_replays(capsys, le
     text = shown(capsys, *arguments)
     assert "oracle_success       1\n" in text and text.splitlines()[0].startswith("level  random_success")
     assert json.loads(shown(capsys, *arguments, "--json"))["oracle_return"] == np.mean(plan.returns)
-
-
-def test_levels_with_entities_and_rules_of_ones_own_are_measured_in_the_world_that_is_named(tmp_path):
-    (tmp_path / "lab.py").write_text(
-        "import segar\n"
-        "class Puck(segar.Ball): ...\n"
-        "rules = (segar.move,)\n"
-        "numbers = [(segar.GolfBall, 1), (segar.GoalTile, 1), (Puck, 1)]\n"
-        "anywhere = [segar.Prior(segar.Position, segar.RandomUniformLocation())]\n"
-        "dist = segar.LevelDistribution(numbers, anywhere).with_rules(rules)\n"
-        "def make(): return dist\n"
-    )
-
-    def segar_command(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "segar", *arguments]
-        environment = os.environ | {"SEGAR_CACHE_DIR": str(tmp_path / "kernels")}
-        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-
-    assert segar_command("sample", "lab:dist", "-n", "3", "-o", "own.npz").returncode == 0
-    play = ("hardness", "own.npz", "--plays", "1", "--samples", "8", "--iterations", "1", "--json")
-    for refused in (("distance", "own.npz", "own.npz"), play):
-        found = segar_command(*refused)
-        assert (
-            found.returncode == 2
-            and "import lab, or define it, before loading (on the command line: --world lab:...)" in found.stderr
-        )
-    assert (
-        json.loads(segar_command("distance", "own.npz", "own.npz", "--world", "lab:make", "--json").stdout)["w2"] == 0.0
-    )
-    compiles, again = (segar_command(*play, "--world", f"lab:{name}") for name in ("dist", "rules"))
-    assert json.loads(compiles.stdout)["levels"] == 3 and compiles.stdout == again.stdout
-    assert "compiling kernel" in compiles.stderr
 
 
 def test_rules_that_a_level_file_only_names_are_asked_for(capsys, tmp_path):

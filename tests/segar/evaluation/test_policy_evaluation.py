@@ -1,8 +1,6 @@
 """Any policy under one evaluation: the numbers of `experiments`, an interval that covers, and clear refusals."""
 
 import dataclasses
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -180,18 +178,6 @@ def test_a_level_set_is_shown_in_one_line_and_says_where_its_score_is():
 def test_scores_that_were_not_asked_for_are_refused(name):
     with pytest.raises(segar.SegarError, match=r"evaluate_policy\(..., scores=True\)"):
         getattr(evaluation_of([-1.0, -2.0], [-3.0]).train, name)()
-
-
-def test_it_loads_no_torch():
-    code = (
-        "import sys, numpy as np, segar\n"
-        "a, b = (segar.family('empty-easy').sample(2, seed=0, split=s) for s in ('train', 'test'))\n"
-        "policy = lambda seen: np.zeros((len(seen), 2), np.float32)\n"
-        "print(segar.evaluate_policy(policy, a, b, scores=True, distances=('exact',), max_steps=5))\n"
-        "assert 'torch' not in sys.modules"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 def test_both_sets_are_observed_in_the_units_of_training():
