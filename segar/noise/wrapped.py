@@ -31,7 +31,7 @@ class Wrapped(Noise):
     """
 
     law: Noise
-    period: float = math.tau  # type: ignore[assignment]
+    period: float = math.tau
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Noise) or self.law.width != 1:
@@ -103,7 +103,7 @@ class VonMises(Noise):
     """An angle [rad] in ``[mean - pi, mean + pi]`` with density proportional to ``exp(kappa cos(x - mean))``.
 
     The larger ``kappa`` (positive), the narrower; ``UniformNoise(-pi, pi)`` is the distribution with kappa 0. Mean and variance
-    are those of the number, distances those on the circle.
+    are those of the number.
     ``loc`` is the parameter ``mean``.
     """
 
@@ -141,10 +141,6 @@ class VonMises(Noise):
     @property
     def mean(self) -> float:
         return self.loc
-
-    @property
-    def period(self) -> float:
-        return math.tau
 
     @property
     def support(self) -> tuple[float, float]:

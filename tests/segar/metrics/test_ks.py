@@ -25,7 +25,7 @@ from segar.metrics import dkw_band, ks, ks_by_factor, ks_report
 from segar.metrics.distribution_functions import factor_marginals
 from segar.metrics.kolmogorov import joint_difference
 from segar.metrics.marginal_distributions import component, count_distribution
-from segar.noise import Independent
+from segar.noise import Independent, ks_line
 
 
 def balls(points: np.ndarray) -> Levels:
@@ -114,7 +114,7 @@ def test_known_distributions_are_compared_exactly():
     assert ks(a, b) == pytest.approx(0.3, abs=1e-12)
     assert ks(a, a) == 0.0
     assert ks_by_factor(a, charged(GaussianNoise(0.0, 0.2)))["Charger.Charge"] == pytest.approx(
-        UniformNoise(-0.5, 0.5).ks(GaussianNoise(0.0, 0.2)), abs=1e-12
+        ks_line(UniformNoise(-0.5, 0.5), GaussianNoise(0.0, 0.2)), abs=1e-12
     )
 
 
