@@ -21,11 +21,11 @@ from .locations import (
 from .mixture import GaussianMixtureNoise, Mixture, MixtureNoise as MixtureNoise
 from .transforms import Affine
 from .truncated import TruncatedGaussianNoise
-from .wrapped import VonMises, Wrapped, wrap as wrap
+from .wrapped import Wrapped, wrap as wrap
 
 __all__ = [
     "Affine", "Bernoulli", "Choice", "Deterministic", "DiscreteRangeNoise", "Empirical", "GaussianMixtureNoise",
     "GaussianNoise", "Independent", "LogUniform", "Mixture", "Noise", "RandomBottomLocation",
     "RandomEdgeLocation", "RandomMiddleLocation", "RandomTopLocation", "RandomUniformLocation",
-    "TruncatedGaussianNoise", "UniformNoise", "VonMises", "Wrapped", "locations",
+    "TruncatedGaussianNoise", "UniformNoise", "Wrapped", "locations",
 ]  # fmt: skip

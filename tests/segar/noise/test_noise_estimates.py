@@ -1,4 +1,4 @@
-"""The distribution of angles, and that of hulls of Gaussian points."""
+"""The distribution of hulls of Gaussian points."""
 
 import math
 
@@ -6,20 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import segar.noise as sn
 from segar.language.shapes import convex_hulls, gaussian_mass, hull_log_density, polygon_areas
 from segar.levels.sampling.draws import pad_hulls
-
-
-def test_a_narrow_von_mises_is_a_gaussian_and_a_wide_one_uniform():
-    assert sn.ks_line(sn.VonMises(0.2, 1e6), sn.GaussianNoise(0.2, 1e-3)) < 1e-6
-    assert sn.ks_line(sn.VonMises(0.0, 1e-6), sn.UniformNoise(-math.pi, math.pi)) < 1e-6
-    distribution, oracle = sn.VonMises(0.3, 4.0), stats.vonmises(4.0, loc=0.3)
-    x = np.linspace(0.3 - math.pi, 0.3 + math.pi, 99)
-    assert np.allclose(distribution.cdf(x), oracle.cdf(x), atol=1e-13) and np.allclose(
-        distribution.pdf(x), oracle.pdf(x), atol=1e-13
-    )
-    assert distribution.entropy() == pytest.approx(oracle.entropy(), abs=1e-12)
 
 
 def hulls(count: int, points: int, sigma: float = 1.0) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
