@@ -42,6 +42,7 @@ class Simulator:
         if self.num_threads < 1:
             raise SegarError(f"num_threads must be at least 1, not {self.num_threads}")
         self.source: KernelSource = generate(self.layout, self.world, self.task.functions())
+        load_module(self.source.shared)
         self._module = load_module(self.source.text)
         self._level_arrays: tuple[Levels, LevelArrays] | None = None
         self._call: _Call | None = None

@@ -1,12 +1,14 @@
 """Layout, rules and task -> the source of one module that steps a batch of environments.
 
-The module consists of constants of the layout, geometry (:mod:`segar.engine.runtime.geometry`), contacts
-(:mod:`segar.engine.runtime.contacts`), the functions that the rules became, and the entry, which takes each
-environment through a step: the source of a sub-step follows :data:`segar.language.SUB_STEP`, stage by stage. Nothing in the
-module depends on sampled values, so all level sets of a distribution share it.
+The module consists of constants of the layout, contacts (:mod:`segar.engine.runtime.contacts`), the functions that the rules
+became, and the entry, which takes each environment through a step: the source of a sub-step follows
+:data:`segar.language.SUB_STEP`, stage by stage. What depends on no rule, geometry above all
+(:mod:`segar.engine.runtime.geometry`), is a module of its own, compiled once for all worlds of a layout. Nothing in either
+depends on sampled values, so all level sets of a distribution share them.
 """
 
 import inspect
+import re
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -20,6 +22,7 @@ from segar.engine.compiler.checks import check_geometry, check_position_rule, ch
 from segar.engine.compiler.contacts import COLLIDES, Contacts
 from segar.engine.compiler.emit import over_group
 from segar.engine.compiler.finite import finite_test
+from segar.engine.compiler.kernel_cache import kernel_path
 from segar.engine.compiler.source import DECORATOR, ENTRY_DECORATOR, STATE, Source, import_line
 from segar.engine.compiler.spec import Group
 from segar.engine.compiler.stages import StageWriter
@@ -53,7 +56,11 @@ CONFLICT, STATE_NOT_FINITE, REWARD_NOT_FINITE = 1, 2, 3
 """What the first of an environment's five ``errors`` says; 0 where there is none. See :class:`FactorSetting` for the others
 of a conflict, which is kept if a number becomes infinite, too."""
 
-COPY_MARK = "# --- copied from here on ---\n"
+COPY_MARK, COPY_MARK_OF_RULES = (
+    "# --- copied from here on ---\n",
+    "# --- copied from here on, with what the rules became ---\n",
+)
+IMPORTS = "import math\n\nimport numpy as np\nfrom numba import njit\n"
 MANY_BODIES = 12  # above this number it pays to sort bodies before pairs are compared
 
 
@@ -63,6 +70,7 @@ class KernelSource:
 
     Attributes:
         text: source of the module.
+        shared: source of the module that it takes geometry from; empty where it has its own.
         type_masks: int64 ``(types + 1,)``, mask of each type of the layout, and last 0 for an absent entity.
         rules: all rules by their numbers in the source.
         list_length: how many integers the argument ``L`` must hold.
@@ -70,6 +78,7 @@ class KernelSource:
     """
 
     text: str
+    shared: str
     type_masks: np.ndarray
     rules: tuple[Rule, ...]
     list_length: int
@@ -90,7 +99,7 @@ def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunc
         import_line(ledger, "dismiss, finish_part, make_ledger, open_ledger, take_part"),
         import_line(sheet, "make_sheet, sheet_with, table_on"),
     ]
-    return builder.module(imports, functions, entry_source(builder.environment("state_values[e]")))
+    return builder.module(imports, functions, entry_source(builder.environment("state_values[e]")), shares=True)
 
 
 def generate_range(
@@ -154,12 +163,21 @@ class _Builder:
         """Slots whose entities may collide."""
         return self._slots(COLLIDES)[0]
 
-    def module(self, imports: Sequence[str], functions: str, entry: str) -> KernelSource:
+    def module(self, imports: Sequence[str], functions: str, entry: str, shares: bool = False) -> KernelSource:
         """The module of these functions and an entry that calls them; the header imports what the functions call."""
-        text = "\n".join([self.header(imports), _device_text(), "\n\n\n".join([functions, entry])])
+        geometry, contacts = _runtime_text()
+        shared = ""
+        if shares:
+            shared = "\n".join([IMPORTS, self.constants(), geometry])
+            names = re.findall(r"^(?:def )?(\w+)(?= = |\()", geometry, re.M)
+            imports = [*imports, f"from {kernel_path(shared).stem} import {', '.join(names)}"]
+            geometry = ""
+        text = "\n".join(
+            [self.header(imports), self.constants(), geometry, contacts, "\n\n\n".join([functions, entry])]
+        )
         traced = [*self.rules, *self.task.of_state]
         draws = any(symbol.op == "draw" for rule in traced for symbol in language.symbols_of(rule.tree))
-        return KernelSource(text, self.source.matcher.masks(), tuple(self.rules), self.length_of_lists(), draws)
+        return KernelSource(text, shared, self.source.matcher.masks(), tuple(self.rules), self.length_of_lists(), draws)
 
     def length_of_lists(self) -> int:
         """Entries of ``L``: bodies in order; behind them near walls and pairs, or partners while rules are applied."""
@@ -176,9 +194,6 @@ class _Builder:
 
     def header(self, imports: Sequence[str]) -> str:
         columns = self.layout.columns
-        floors, floor_bits = self._slots(language.Pattern((language.Floor, language.Position)))
-        colliders, collider_bits = self._slots(COLLIDES)
-        movers = sorted(s for g in self._writer(FIND_RATES).target_groups for s in g.slots)
         slots = ", ".join(
             f"{s.name}: {'|'.join(t.__name__ for t in s.types)}{'?' if s.optional else ''}" for s in self.layout.slots
         )
@@ -189,14 +204,17 @@ slots: {slots}
 columns: {", ".join(f"{f.__name__} {c}" for f, c in columns.items())}
 """
 
-import math
-
-import numpy as np
-from numba import njit
-
+{IMPORTS}
 {lines}{self._mathematics()}
+'''
 
-X = {columns.get(language.Position, 0)}
+    def constants(self) -> str:
+        """Columns, slots and bounds of the layout, by the names that geometry and contacts have for them."""
+        columns = self.layout.columns
+        floors, floor_bits = self._slots(language.Pattern((language.Floor, language.Position)))
+        colliders, collider_bits = self._slots(COLLIDES)
+        movers = sorted(s for g in self._writer(FIND_RATES).target_groups for s in g.slots)
+        return f"""X = {columns.get(language.Position, 0)}
 VX = {columns.get(language.Velocity, 0)}
 SIZE = {columns.get(language.Size, 0)}
 ORDER = {columns.get(language.Order, 0)}
@@ -211,7 +229,7 @@ NEAR_AT = {len(colliders)}
 MANY_BODIES = {len(colliders) > MANY_BODIES}
 ROOM = {_room(len(colliders))}
 CONTACT_MOVES = {self._contacts_move()}
-'''
+"""
 
     def _mathematics(self) -> str:
         """The line that imports the elementary functions which the rules call, if they call any."""
@@ -295,9 +313,12 @@ def _room(bodies: int) -> int:
     return bodies * (bodies + 1) // 2 + 4 * bodies
 
 
-def _device_text() -> str:
-    text = "\n\n".join(inspect.getsource(part).split(COPY_MARK, 1)[1] for part in (geometry, contacts))
-    return text.replace("@njit\n", DECORATOR + "\n")
+def _runtime_text() -> tuple[str, str]:
+    """The source of what depends on no rule, and of what calls the functions that the rules became."""
+    shared = inspect.getsource(geometry).split(COPY_MARK, 1)[1]
+    near, resolving = inspect.getsource(contacts).split(COPY_MARK, 1)[1].split(COPY_MARK_OF_RULES)
+    decorated = [text.replace("@njit\n", DECORATOR + "\n") for text in (f"{shared}\n\n{near}", resolving)]
+    return decorated[0], decorated[1]
 
 
 def entry_source(environment: str) -> str:

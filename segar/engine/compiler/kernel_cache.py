@@ -105,8 +105,6 @@ def load_module(text: str) -> ModuleType:
         advice = f"set {FOLDER} to a folder that can be written"
         with replacing(path, "the kernel", advice=advice) as beside:
             beside.write_text(text)
-    if not is_compiled(path):
-        print(f"segar: compiling kernel {name[2:6]} (first time, about 10 s)", file=sys.stderr, flush=True)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
@@ -115,7 +113,13 @@ def load_module(text: str) -> ModuleType:
         compile(text, path, "exec", dont_inherit=True), vars(module)
     )  # not the loader, whose file of bytecode may be damaged
     if hasattr(module, "advance"):
+        if not is_compiled(path):
+            print(f"segar: compiling kernel {name[2:6]} (first time, about 10 s)", file=sys.stderr, flush=True)
         keep_beside(module.advance)
+    else:
+        for function in vars(module).values():
+            if hasattr(function, "py_func"):
+                keep_beside(function)
     _loaded[name] = module
     return module
 

@@ -1,4 +1,5 @@
-"""Contacts as the kernels run them. The text below the line is copied into every generated module.
+"""Contacts as the kernels run them. The text below the first line is copied into a module that worlds of one layout share, and
+that below the second, which calls what the rules became, into the module of each world.
 
 State and shapes are those of :mod:`segar.engine.runtime.geometry`. Scratch: ``U[entity, axis]``, displacement rates;
 ``W[entity, column]``, of which contacts use the first three; ``L``, lists of integers. Everything is plain Python.
@@ -29,12 +30,9 @@ def hit_body(V, bits, P, err, i, j): ...  # type: ignore[no-untyped-def]
 
 
 # --- copied from here on ---
-MAX_CONTACTS = 64  # contacts that one sub-step resolves; the rest of its time is left out then
-MAX_REWINDS = 256  # rewinds before one contact
 REST_OVERLAP = 1e-7  # [m] bodies that move alike and overlap deeper than this are pushed apart
 REACH = 2.0  # a body can be off by twice its way in a sub-step from where it was listed: one back, one on
 WALL = 0  # in place of the second body of a contact with a wall; of two bodies the second is never slot 0
-MAX_SEPARATIONS = 50  # passes that push overlapping bodies apart where contacts were left unresolved
 
 
 @njit
@@ -224,6 +222,37 @@ def list_faster(V, W, U, L, near, i, time):
 
 
 @njit
+def share_of(first, second):
+    """How much of a separation the first of two bodies moves, given which of them can move."""
+    if first == second:
+        return 0.5
+    return 1.0 if first else 0.0
+
+
+@njit
+def translate(V, U, time):
+    """Move all bodies along their displacement rates ``U`` for ``time``."""
+    for m in range(len(MOVERS)):
+        i = MOVERS[m]
+        V[i, X] += U[i, 0] * time
+        V[i, X + 1] += U[i, 1] * time
+
+
+@njit
+def approaching(V, i, j):
+    """Whether two bodies come nearer to each other."""
+    dx, dy = V[j, X] - V[i, X], V[j, X + 1] - V[i, X + 1]
+    wx, wy = V[i, VX] - V[j, VX], V[i, VX + 1] - V[j, VX + 1]
+    return wx * dx + wy * dy > 0.0
+
+
+# --- copied from here on, with what the rules became ---
+MAX_CONTACTS = 64  # contacts that one sub-step resolves; the rest of its time is left out then
+MAX_REWINDS = 256  # rewinds before one contact
+MAX_SEPARATIONS = 50  # passes that push overlapping bodies apart where contacts were left unresolved
+
+
+@njit
 def find_contact(V, W, bits, L, near):
     """The contact with the longest time to move back among those listed: (time, its entry); time 0 for none.
 
@@ -268,31 +297,6 @@ def separate(V, bits, kind, hull_radius):
             push_inside(V, ri, i)
         if not moved:
             return
-
-
-@njit
-def share_of(first, second):
-    """How much of a separation the first of two bodies moves, given which of them can move."""
-    if first == second:
-        return 0.5
-    return 1.0 if first else 0.0
-
-
-@njit
-def translate(V, U, time):
-    """Move all bodies along their displacement rates ``U`` for ``time``."""
-    for m in range(len(MOVERS)):
-        i = MOVERS[m]
-        V[i, X] += U[i, 0] * time
-        V[i, X + 1] += U[i, 1] * time
-
-
-@njit
-def approaching(V, i, j):
-    """Whether two bodies come nearer to each other."""
-    dx, dy = V[j, X] - V[i, X], V[j, X + 1] - V[i, X + 1]
-    wx, wy = V[i, VX] - V[j, VX], V[i, VX + 1] - V[j, VX + 1]
-    return wx * dx + wy * dy > 0.0
 
 
 @njit

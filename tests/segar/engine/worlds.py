@@ -1,6 +1,7 @@
 """What the engine's tests share: random states, one comparison, and kernels that run without being compiled."""
 
 import ctypes
+import re
 import types
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from unittest import mock
 
 import numpy as np
 
+from segar.engine.compiler.kernel_cache import kernel_path
 from segar.engine.simulator import Simulator, State, StepResult
 from segar.errors import ConflictError, RuleError
 from segar.language.factors import (
@@ -161,14 +163,23 @@ def uncompiled(world: World, layout: Any, task: Any = None) -> Simulator:
         return Simulator(world, layout) if task is None else Simulator(world, layout, task)
 
 
+PLAIN: dict[str, types.ModuleType] = {}  # by the names that generated modules import them by
+
+
 def plain_module(text: str) -> types.ModuleType:
+    name = kernel_path(text).stem
     # numpy's scalars divide as numba's error_model="numpy" does; Python's own numbers and math.sqrt would raise.
     text = text.replace("from numba import njit", "def njit(**_): return lambda function: function")
     text = text.replace("math.sqrt", "np.sqrt")
     module = types.ModuleType("plain_kernel")
+    for shared in re.findall(r"^from (k_\w+) import", text, re.M):
+        text = re.sub(rf"^from {shared} import.*$", "", text, flags=re.M)
+        vars(module).update(vars(PLAIN[shared]))
+    PLAIN[name] = module
     exec(compile(text, "plain_kernel.py", "exec"), module.__dict__)
     module.table_on = _table_on  # type: ignore[attr-defined]
-    module.advance = np.errstate(all="ignore")(module.advance)  # type: ignore[attr-defined]
+    if hasattr(module, "advance"):
+        module.advance = np.errstate(all="ignore")(module.advance)
     return module
 
 
