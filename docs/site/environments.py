@@ -86,7 +86,7 @@ COMMANDS = {
     "segar sample {name} -n 100 --seed 0 -o levels.npz": "write levels into a file",
     "segar hardness levels.npz": "how hard each level is",
     "segar describe {name} -o marginals.png": "the tables and the figure below",
-    "segar playground {name} -o page.html": "a page in which you hit the ball with the mouse",
+    "segar play {name}": "hit the ball with the mouse",
     "segar record {name} -o film.mp4 --policy script": "a video of the scripted player",
 }
 

@@ -1,4 +1,4 @@
-"""The command ``segar``: levels, their distances and hardness, kernels, pictures, pages, recordings, questions,
+"""The command ``segar``: levels, their distances and hardness, kernels, pictures, a game, pages, recordings, questions,
 suites, published results, citations."""
 
 import argparse
@@ -13,6 +13,7 @@ from segar.cli import (
     hardness,
     kernels,
     levels,
+    play,
     playground,
     queries,
     record,
@@ -64,6 +65,7 @@ def make_parser() -> argparse.ArgumentParser:
         hardness,
         kernels,
         gallery,
+        play,
         playground,
         studio,
         record,

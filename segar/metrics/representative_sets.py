@@ -64,21 +64,29 @@ def coverage(
 def effective_number(
     levels: Levels,
     *,
+    order: float = 1.0,
     mismatch: float = MISMATCH,
     scale: Spread | None = None,
     factors: Sequence[type[Factor]] | None = None,
 ) -> float:
     """How many levels without any similarity the set is worth, from 1 (all equal) to its length (all unlike).
 
-    The diversity of order 1 of Leinster and Cobbold (2012) for equal weights, exp(-mean_i log z_i), where z_i is the mean
-    similarity exp(-d) of level i to all levels, itself included, and d the exact distance in standard deviations.
+    The diversity of Leinster and Cobbold (2012) for equal weights, (mean_i z_i^(order - 1))^(1 / (1 - order)), where z_i is
+    the mean similarity exp(-d) of level i to all levels, itself included, and d the exact distance in standard
+    deviations. Order 1 (the limit, exp(-mean log z)) weighs all levels alike, order 2 crowds, order 0 outliers.
 
-    Args: as for :func:`segar.metrics.w2`.
+    Args:
+        order: at least 0, finite.
+        Others as for :func:`segar.metrics.w2`.
 
     Raises:
-        LevelError: not a level set.
+        LevelError: not a level set, or a negative order.
     """
     units = Units.checked("effective_number", (levels,), scale, factors)
+    if not 0 <= order < np.inf:
+        raise LevelError(f"effective_number: the order must be a finite number of at least 0, not {order!r}")
     costs = exact_costs(levels, levels, entity_types(levels), units, mismatch)
     typical = np.exp(-np.sqrt(np.maximum(costs, 0.0))).mean(axis=1)
-    return float(np.exp(-np.log(typical).mean()))
+    if order == 1.0:
+        return float(np.exp(-np.log(typical).mean()))
+    return float(np.mean(typical ** (order - 1)) ** (1 / (1 - order)))

@@ -1,10 +1,12 @@
 from . import locations
 from .base import Noise
 from .continuous import GaussianNoise, LogUniform, UniformNoise
-from .discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical, as_noise as as_noise
+from .discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical
+from .distances import as_noise as as_noise
 from .line_distances import ks_line as ks_line
 from .locations import (
     CenterLocation as CenterLocation,
+    GaussianNoise2D,
     Independent,
     RandomBottomLeftLocation as RandomBottomLeftLocation,
     RandomBottomLocation,
@@ -21,11 +23,11 @@ from .locations import (
 from .mixture import GaussianMixtureNoise, Mixture, MixtureNoise as MixtureNoise
 from .transforms import Affine
 from .truncated import TruncatedGaussianNoise
-from .wrapped import Wrapped, wrap as wrap
+from .wrapped import VonMises, Wrapped, wrap as wrap
 
 __all__ = [
     "Affine", "Bernoulli", "Choice", "Deterministic", "DiscreteRangeNoise", "Empirical", "GaussianMixtureNoise",
-    "GaussianNoise", "Independent", "LogUniform", "Mixture", "Noise", "RandomBottomLocation",
+    "GaussianNoise", "GaussianNoise2D", "Independent", "LogUniform", "Mixture", "Noise", "RandomBottomLocation",
     "RandomEdgeLocation", "RandomMiddleLocation", "RandomTopLocation", "RandomUniformLocation",
-    "TruncatedGaussianNoise", "UniformNoise", "Wrapped", "locations",
+    "TruncatedGaussianNoise", "UniformNoise", "VonMises", "Wrapped", "locations",
 ]  # fmt: skip

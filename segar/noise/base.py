@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -18,12 +19,20 @@ import numpy as np
 import scipy
 
 from segar.errors import PriorError
+from segar.support import Estimate
 
 NODES = 24  # of Gauss-Legendre quadrature per piece: errors below 1e-10 for Gaussian pieces one sigma wide
 PLANE_NODES = 8  # of quadrature per cell and axis of a grid on the plane
 BISECTIONS = 60  # of a piece, to find a quantile: exact to rounding
 LAST_QUANTILE = 1 - 2.0**-53  # largest probability below one: the quantile of one may be infinite
 MISSING_MASS = 1e-6  # that quadrature may miss before a distribution counts as having mass on lines
+
+DISTANCES: dict[str, Callable[[Noise, Any], Any]] = {}
+"""Name of a distance to the function of two distributions that computes it.
+
+A distance of two distributions depends on the classes of both, and these classes inherit from :class:`Noise`. So this
+module cannot import the distances; :mod:`segar.noise.distances`, which knows all classes, enters them here.
+"""
 
 
 class Noise(ABC):
@@ -37,6 +46,13 @@ class Noise(ABC):
 
     width: ClassVar[int] = 1
     """1 for a distribution on the line, 2 on the plane, 0 for choices among things that are not numbers."""
+
+    @property
+    def period(self) -> float | None:
+        """The length of the circle that the numbers live on, such as 2 pi for angles [rad]; None on the line.
+
+        Distances to a distribution with a period are those on the circle."""
+        return None
 
     @abstractmethod
     def sample(self, rng: Any, size: Any = None) -> Any:
@@ -138,6 +154,26 @@ class Noise(ABC):
         x, weight = quadrature(self.pieces)
         return float(scipy.special.entr(masses).sum() + weight @ scipy.special.entr(self.pdf(x)))
 
+    def w2(self, other: Any) -> float:
+        """Wasserstein-2 distance to another distribution or to a constant (Villani 2009, section 6).
+
+        It is measured on the circle if one of them has a ``period``.
+        """
+        return self.w2_estimate(other).value
+
+    def w2_estimate(self, other: Any) -> Estimate:
+        """``w2(other)`` with its error, zero where there is a closed form; see :mod:`segar.noise.distances`."""
+        return DISTANCES["w2_estimate"](self, other)
+
+    def ks(self, other: Any) -> float:
+        """Kolmogorov-Smirnov distance to another distribution or to a constant: the largest difference of the two
+        ``cdf``; on the circle Kuiper's (1960), the largest difference of the masses of an arc."""
+        return DISTANCES["ks"](self, other)
+
+    def ks_estimate(self, other: Any) -> Estimate:
+        """``ks(other)`` with a bound of its error; see :mod:`segar.noise.distances`."""
+        return DISTANCES["ks_estimate"](self, other)
+
     def __repr__(self) -> str:
         fields = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
         return f"{type(self).__name__}({', '.join(repr(getattr(self, f.name)) for f in fields)})"
@@ -146,12 +182,23 @@ class Noise(ABC):
 def moments(distribution: Noise) -> tuple[float, float]:
     """Mean and variance of a distribution on the line, by quadrature of its quantile function."""
     check_width(distribution, 1)
-    bends = np.asarray(distribution.cdf(distribution.pieces), dtype=float)  # where the quantile function bends or jumps
-    levels = np.concatenate([[0.0, 1.0], bends, bends - distribution.pmf(distribution.pieces)])
-    q, weight = quadrature(np.unique(np.clip(levels, 0.0, 1.0)))
-    x = distribution.icdf(np.clip(q, None, LAST_QUANTILE))
+    q, weight = quantile_nodes(distribution)
+    x = distribution.icdf(q)
     mean = float(weight @ x)
     return mean, float(weight @ (x - mean) ** 2)
+
+
+def quantile_nodes(*distributions: Noise, nodes: int = NODES) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights on (0, 1) between the probabilities at which some quantile function may bend or jump."""
+    levels = [np.array([0.0, 1.0]), *map(quantile_bends, distributions)]
+    q, weight = quadrature(np.unique(np.concatenate(levels)), nodes)
+    return np.clip(q, None, LAST_QUANTILE), weight
+
+
+def quantile_bends(distribution: Noise) -> np.ndarray:
+    """The probabilities at which the quantile function of a distribution on the line may bend or jump."""
+    p = np.asarray(distribution.cdf(distribution.pieces), dtype=float)
+    return np.clip(np.concatenate([p, p - distribution.pmf(distribution.pieces)]), 0.0, 1.0)
 
 
 def quadrature(edges: np.ndarray, nodes: int = NODES) -> tuple[np.ndarray, np.ndarray]:

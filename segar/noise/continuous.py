@@ -22,6 +22,17 @@ class GaussianBetween(Noise):
     loc: float
     std: float
 
+    _moments: tuple[float, float]
+    """Mean and variance of (x - loc) / std."""
+
+    @property
+    def mean(self) -> float:
+        return self.loc + self.std * self._moments[0]
+
+    @property
+    def var(self) -> float:
+        return self.std**2 * self._moments[1]
+
     @property
     def _z(self) -> tuple[float, float]:
         """The ends in standard deviations from ``loc``."""
@@ -87,25 +98,27 @@ class GaussianNoise(GaussianBetween):
         grid = self.loc + self.std * np.arange(-SIGMAS, SIGMAS + 1.0)
         return np.unique(np.clip(grid, *self.support))
 
-    @property
-    def mean(self) -> float:
-        return self.loc + self.std * self._moments[0]
-
-    @property
-    def var(self) -> float:
-        return self.std**2 * self._moments[1]
+    def entropy(self) -> float:
+        inside, _, second = self._inside
+        density = inside * math.log(self.std * math.sqrt(2 * math.pi)) + second / 2
+        return float(density + scipy.special.entr(self.atoms[1]).sum())
 
     @cached_property
-    def _moments(self) -> tuple[float, float]:
-        """Mean and variance of (x - loc) / std, from the integrals of z and z^2 between the ends, and from the atoms."""
+    def _inside(self) -> tuple[float, float, float]:
+        """Mass between the ends, and the integrals there of z and z^2 against the standard density."""
         a, b = self._z
         if a == b:
-            return a, 0.0
+            return 0.0, 0.0, 0.0
         inside = float(gauss_cdf(b) - gauss_cdf(a)) if a < 0 else float(gauss_cdf(-a) - gauss_cdf(-b))
         edge = [0.0 if math.isinf(z) else z * float(gauss(z)) for z in (a, b)]
+        return inside, float(gauss(a) - gauss(b)), inside - edge[1] + edge[0]
+
+    @cached_property
+    def _moments(self) -> tuple[float, float]:  # type: ignore[override]
+        _, first, second = self._inside
         z = (self.atoms[0] - self.loc) / self.std
-        mean = float(gauss(a) - gauss(b)) + float(z @ self.atoms[1])
-        return mean, inside - edge[1] + edge[0] + float(z**2 @ self.atoms[1]) - mean**2
+        mean = first + float(z @ self.atoms[1])
+        return mean, second + float(z**2 @ self.atoms[1]) - mean**2
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,6 +156,9 @@ class UniformNoise(Noise):
     @property
     def pieces(self) -> np.ndarray:
         return np.array([self.low, self.high])
+
+    def entropy(self) -> float:
+        return math.log(self.high - self.low)
 
 
 @dataclass(frozen=True, repr=False)
@@ -184,6 +200,9 @@ class LogUniform(Noise):
     @property
     def pieces(self) -> np.ndarray:
         return np.geomspace(self.low, self.high, max(2, math.ceil(self._span) + 1))
+
+    def entropy(self) -> float:
+        return math.log(self._span) + (math.log(self.low) + math.log(self.high)) / 2
 
     @property
     def _span(self) -> float:

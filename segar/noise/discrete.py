@@ -143,11 +143,6 @@ class Deterministic(DiscreteNoise):
         return np.array([self.value]), np.ones(1)
 
 
-def as_noise(value: Any) -> Noise:
-    """The distribution itself, or the distribution of a constant."""
-    return value if isinstance(value, Noise) else Deterministic(value)
-
-
 @dataclass(frozen=True, repr=False)
 class Choice(DiscreteNoise):
     """One of ``keys``, by the probabilities ``p`` (equal ones if None).

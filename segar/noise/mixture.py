@@ -23,6 +23,10 @@ class MixtureNoise(Noise):
     def width(self) -> int:  # type: ignore[override]
         return self.laws[0].width
 
+    @property
+    def period(self) -> float | None:
+        return next((part.period for part in self.laws if part.period is not None), None)
+
     def sample(self, rng: Any, size: Any = None) -> Any:
         component = np.asarray(rng.choice(len(self.laws), size=size, p=self.weights))
         draws = np.stack([np.asarray(part.sample(rng, size), dtype=float) for part in self.laws])
@@ -83,6 +87,8 @@ class Mixture(MixtureNoise):
         laws = members(self, "laws", self.laws)
         if not laws or not all(isinstance(part, Noise) for part in laws) or len({part.width for part in laws}) != 1:
             raise PriorError(f"Mixture needs distributions that are all on the line or all on the plane, not {laws!r}")
+        if len({part.period for part in laws} - {None}) > 1:
+            raise PriorError(f"Mixture needs distributions that live on one circle, not {laws!r}")
         set_fields(self, laws=laws, weights=probabilities(self, self.weights, len(laws)))
 
 

@@ -43,6 +43,10 @@ class Affine(Noise):
     def width(self) -> int:  # type: ignore[override]
         return self.law.width
 
+    @property
+    def period(self) -> float | None:
+        return None if self.law.period is None else abs(self.scale) * self.law.period
+
     def sample(self, rng: Any, size: Any = None) -> Any:
         return self._there(np.asarray(self.law.sample(rng, size), dtype=float))[()]
 

@@ -3,9 +3,10 @@ from .camera import (
     Camera as Camera,
     episode_verdict as episode_verdict,
     offered_modes as offered_modes,
+    status_line as status_line,
     steps_per_second as steps_per_second,
 )
-from .scene import Stage as Stage, View
+from .scene import Figure as Figure, Stage as Stage, View
 from .video import record, write_video as write_video
 
 __all__ = ["View", "record"]

@@ -72,6 +72,12 @@ class Painter:
         edge = self.view.size * MARGIN
         return edge + (float(place[0]) + walls) * inner, edge + (walls - float(place[1])) * inner
 
+    def place(self, pixel: tuple[float, float], walls: float) -> np.ndarray:
+        """Which place of the arena is at a pixel [m]; float64 ``(2,)``."""
+        inner = self.view.size * (1 - 2 * MARGIN) / (2 * walls)
+        edge = self.view.size * MARGIN
+        return np.array([(pixel[0] - edge) / inner - walls, walls - (pixel[1] - edge) / inner])
+
     def _at(self, place: np.ndarray) -> tuple[float, float]:
         """Where on the oversampled picture a place is."""
         x, y = self.pixel(place, self._walls)

@@ -25,12 +25,14 @@ class Window:
         self._clock = pygame.time.Clock()
         self.is_open = True
 
-    def show(self, picture: np.ndarray, rate: float) -> None:
+    def show(self, picture: np.ndarray | pygame.Surface, rate: float) -> None:
         """Show a picture, not more often than ``rate`` times a second; nothing once the user closed the window."""
         self._look_for_close()
         if not self.is_open:
             return
-        self._window.get_surface().blit(pygame.surfarray.make_surface(picture.swapaxes(0, 1)), (0, 0))
+        if isinstance(picture, np.ndarray):
+            picture = pygame.surfarray.make_surface(picture.swapaxes(0, 1))
+        self._window.get_surface().blit(picture, (0, 0))
         self._window.flip()
         self._clock.tick(rate)
 

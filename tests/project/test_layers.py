@@ -191,7 +191,7 @@ def test_every_import_points_down_and_goes_through_a_face():
         ("segar.textures.inputs", "segar.engine"),
         ("segar.rendering.camera", "segar.envs"),
         ("segar.envs.vector", "segar.levels.level_set"),
-        ("segar.cli.record", "experiments.runs"),
+        ("segar.cli.play", "experiments.runs"),
         ("segar.hardness.planner", "segar.evaluation"),
         ("experiments.settings.run", "experiments.runs"),
         ("experiments.evaluation.episodes", "experiments.training"),

@@ -1,4 +1,4 @@
-"""Contact sheets, and the command that draws them."""
+"""Contact sheets, and the commands that draw and play."""
 
 import json
 
@@ -90,3 +90,18 @@ def test_the_command_draws_sheets(tmp_path, capsys, monkeypatch):
     assert capsys.readouterr().out == f"{tmp_path / 'signs.png'}: 768 x 816 pixels\n"
     assert cli.main(["gallery", "-o", str(tmp_path / "signs.png"), "--signs", "--colours", "300"]) == 2
     assert "2 to 256 of them, not 300" in capsys.readouterr().err
+
+
+def test_the_command_plays_the_levels_that_were_asked_for(capsys, monkeypatch):
+    from segar.cli.game import Game
+
+    played = []
+
+    def run(self):
+        played.append((self.level, len(self.env.levels), self.env.task.max_steps, self.view.size, self.speed))
+        return self.score
+
+    monkeypatch.setattr(Game, "run", run)
+    command = ["play", "empty-hard", "-n", "5", "--level", "3", "--steps", "70", "--size", "300", "--speed", "0.5"]
+    assert cli.main(command) == 0
+    assert played == [(3, 5, 70, 300, 0.5)] and capsys.readouterr().out == "0 episodes, 0 successes\n"

@@ -96,6 +96,10 @@ queries grade                                | QUESTIONS
 queries grade nope.jsonl nope.jsonl          | nope.jsonl
 queries grade file file                      | file: line 1
 queries grade ok.npz ok.npz                  | ok.npz: line 1
+play nope                                    | nope
+play empty-easy --size 1                     | '1'
+play empty-easy --speed x                    | 'x'
+play empty-easy --steps 0                    | '0'
 """
 LINES = [line.rsplit(" | ", 1) for line in CALLS.strip("\n").splitlines()]
 TABLE = [(shlex.split(call), named.strip()) for call, named in LINES]
@@ -135,6 +139,7 @@ def place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     for name, text in MODULES.items():
         Path(f"{name}.py").write_text(text)
     Path("file").write_text("years of work")

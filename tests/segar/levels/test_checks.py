@@ -71,6 +71,8 @@ def test_a_seed_is_no_generator(name):
     ("call", "message"),
     [
         (lambda a: metrics.spread(a, 3), "spread needs a level distribution .* not a int"),
+        (lambda a: metrics.dkw_band(0), "at least 1 value and a confidence between 0 and 1, not 0 and 0.95"),
+        (lambda a: metrics.dkw_band(10, 95), "not 10 and 95"),
         (lambda a: segar.design(a, 5), "design needs a level distribution"),
         (
             lambda a: segar.design(a.distribution, 5, "target", test=a.distribution, target=1.0),

@@ -25,7 +25,7 @@ from segar.metrics import dkw_band, ks, ks_by_factor, ks_report
 from segar.metrics.distribution_functions import factor_marginals
 from segar.metrics.kolmogorov import joint_difference
 from segar.metrics.marginal_distributions import component, count_distribution
-from segar.noise import Independent, ks_line
+from segar.noise import Independent
 
 
 def balls(points: np.ndarray) -> Levels:
@@ -114,7 +114,7 @@ def test_known_distributions_are_compared_exactly():
     assert ks(a, b) == pytest.approx(0.3, abs=1e-12)
     assert ks(a, a) == 0.0
     assert ks_by_factor(a, charged(GaussianNoise(0.0, 0.2)))["Charger.Charge"] == pytest.approx(
-        ks_line(UniformNoise(-0.5, 0.5), GaussianNoise(0.0, 0.2)), abs=1e-12
+        UniformNoise(-0.5, 0.5).ks(GaussianNoise(0.0, 0.2)), abs=1e-12
     )
 
 
@@ -167,28 +167,11 @@ def test_numbers_of_entities_have_the_distribution_of_their_slots():
     np.testing.assert_allclose(counts.atoms[1], expected)
 
 
-class Disc(segar.noise.Noise):
-    """A distribution of one's own, uniform on the unit disc; it says neither marginals nor atoms."""
-
-    width = 2
-    support = ((-1.0, 1.0), (-1.0, 1.0))
-    grid = (np.array([-1.0, 1.0]), np.array([-1.0, 1.0]))
-
-    def sample(self, rng, size=None):
-        angle, radius = 2 * np.pi * rng.random(size), np.sqrt(rng.random(size))
-        return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
-
-    def cdf(self, x):
-        """Of x alone where y is at its upper end, and the other way round; elsewhere nobody asks."""
-        x = np.min(x, axis=-1)
-        return 0.5 + (x * np.sqrt(1 - x**2) + np.arcsin(x)) / np.pi
-
-
 @pytest.mark.parametrize(
     "distribution",
     [
         segar.RandomEdgeLocation(),
-        Disc(),
+        segar.noise.GaussianNoise2D((0.1, -0.1), cov=[[0.04, 0.02], [0.02, 0.09]]),
         segar.noise.Choice([(0.0, 0.5), (0.5, 0.0)]),
         segar.noise.Empirical([(0.0, 0.5), (0.5, 0.0), (0.5, 0.2)]),
         segar.noise.Affine(segar.RandomEdgeLocation(), 0.5, (0.1, -0.2)),
@@ -203,7 +186,7 @@ def test_a_component_of_a_distribution_on_the_plane_is_the_distribution_of_its_d
 
 
 def test_a_distribution_that_says_its_joint_function_alone_has_quantiles_and_draws_of_its_components():
-    distribution = component(Disc(), 0)
+    distribution = component(segar.noise.GaussianNoise2D((0.0, 0.0), cov=[[0.04, 0.02], [0.02, 0.09]]), 0)
     assert distribution.icdf(0.5) == pytest.approx(0.0, abs=1e-9)
     assert distribution.sample(np.random.default_rng(0), 5).shape == (5,)
 

@@ -10,7 +10,7 @@ from segar import GoalTile, GolfBall, LevelDistribution, Levels, Position, Prior
 from segar.errors import FactorError
 from segar.language.parameters import Parameter
 from segar.metrics import decompose, embed, ks, ks_by_factor, ks_report, mmd_test, sample_entropy, spread, w2
-from segar.noise import GaussianNoise, Wrapped
+from segar.noise import VonMises
 
 
 class Heading(segar.Scalar, unit="rad", period=math.tau): ...
@@ -27,8 +27,8 @@ def arrows(*headings: float) -> Levels:
     return Levels.from_entities([[Arrow({Position: [0.0, 0.0], Heading: h})] for h in headings])
 
 
-def distribution(mean: float) -> LevelDistribution:
-    priors = [Prior(Position, segar.RandomUniformLocation()), Prior(Heading, Wrapped(GaussianNoise(mean, 0.36)))]
+def distribution(mean: float, kappa: float = 8.0) -> LevelDistribution:
+    priors = [Prior(Position, segar.RandomUniformLocation()), Prior(Heading, VonMises(mean, kappa))]
     return LevelDistribution([(Arrow, 1)], priors)
 
 
@@ -60,7 +60,7 @@ def test_a_world_parameter_may_come_round_too():
 
 def test_the_spread_of_directions_is_that_around_the_mean_direction():
     towards_west = distribution(math.pi).sample(2000)
-    assert spread(towards_west)[Arrow, Heading] == pytest.approx(0.36, rel=0.05)
+    assert spread(towards_west)[Arrow, Heading] == pytest.approx(math.sqrt(VonMises(0.0, 8.0).var), rel=0.05)
     apart = spread(arrows(math.pi - 0.1), arrows(-math.pi + 0.1))[Arrow, Heading]
     assert apart == pytest.approx(0.1)
 

@@ -9,7 +9,7 @@ from segar.metrics.visual import _frechet
 from segar.textures import TextureSet, product_of_marginals
 
 A, B = TextureSet.load("one"), TextureSet.load("five")[0]
-MEASURES = ("paired", "frechet")
+MEASURES = ("paired", "frechet", "mmd")
 
 
 def measured(a, b, seed=0, **options):

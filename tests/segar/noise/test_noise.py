@@ -13,7 +13,7 @@ from scipy import stats
 
 import segar.noise as sn
 from segar.errors import PriorError
-from segar.noise.base import moments, quadrature
+from segar.noise.base import Noise, moments, quadrature
 from segar.support.counter_rng import LevelGenerator, stream_key
 from tests.places import ROOT
 
@@ -36,6 +36,8 @@ LINE = [
     sn.Mixture([sn.GaussianNoise(0.0, 1.0, (-1.0, 1.0)), sn.Deterministic(3.0), sn.UniformNoise(1.0, 2.0)]),
     sn.TruncatedGaussianNoise(0.2, 0.1, truncate=(0.1, 0.5)),
     sn.TruncatedGaussianNoise(0.0, 1.0, truncate=(6.0, math.inf)),
+    sn.VonMises(0.3, 4.0),
+    sn.VonMises(-1.0, 0.2),
     sn.Empirical([0.5, -1.0, 2.0, 2.0, 3.5]),
     sn.Affine(sn.LogUniform(0.1, 4.0), scale=-2.0, shift=0.3),
     sn.Affine(sn.GaussianNoise(0.2, 0.1, clip=(0.1, 0.3)), scale=-3.0, shift=0.7),
@@ -59,11 +61,12 @@ LOCATIONS = {
 }
 PLANE = [
     *(location() for location in LOCATIONS),
-    sn.Independent(sn.GaussianNoise(0.1, 0.1, clip=(-0.5, 0.2)), sn.GaussianNoise(0.2, 0.1, clip=(-0.5, 0.2))),
+    sn.GaussianNoise2D((0.1, 0.2), 0.1, clip=(-0.5, 0.2)),
+    sn.GaussianNoise2D((0.1, -0.2), cov=[[0.1, 0.05], [0.05, 0.2]]),
     sn.Independent(sn.GaussianNoise(0.0, 0.3), 0.5),
     sn.Affine(sn.RandomEdgeLocation(), scale=0.5, shift=(0.2, -0.1)),
     sn.Affine(sn.Independent(sn.GaussianNoise(0.0, 0.3), 0.7), scale=0.3, shift=(0.1, 0.2)),
-    sn.Mixture([sn.RandomTopLocation(), sn.Independent(sn.GaussianNoise(0, 0.3), sn.LogUniform(0.1, 1))], [0.25, 0.75]),
+    sn.Mixture([sn.RandomTopLocation(), sn.GaussianNoise2D((0, 0), cov=[[0.1, 0.05], [0.05, 0.2]])], [0.25, 0.75]),
     sn.Mixture([sn.CenterLocation(), sn.RandomMiddleLocation()]),
     sn.Empirical([(0.1, 0.2), (-0.3, 0.4), (-0.3, 0.4)]),
 ]
@@ -101,8 +104,9 @@ def test_mean_and_variance_are_those_of_the_draws(distribution):
 
 
 @every_distribution
-def test_closed_moments_agree_with_quadrature(distribution):
+def test_closed_moments_and_entropy_agree_with_quadrature(distribution):
     assert moments(distribution) == pytest.approx((distribution.mean, distribution.var), rel=1e-6, abs=1e-9)
+    assert Noise.entropy(distribution) == pytest.approx(distribution.entropy(), rel=1e-6, abs=1e-9)
 
 
 @every_distribution
@@ -180,15 +184,39 @@ def test_discrete_ranges_include_both_ends():
     assert distribution.entropy() == pytest.approx(math.log(2))
 
 
+def test_the_w2_of_gaussians_is_the_square_root_with_standard_deviations():
+    assert sn.GaussianNoise(0.0, 0.1).w2(sn.GaussianNoise(0.1, 0.2)) == pytest.approx(math.sqrt(0.02), abs=1e-15)
+
+
 @pytest.mark.parametrize(
     ("a", "b"), list(itertools.combinations([*LINE[:3], *LINE[5:10], LINE[13], LINE[14], LINE[19]], 2)), ids=repr
 )
-def test_the_ks_distance_agrees_with_brute_force(a, b):
+def test_w2_and_ks_agree_with_brute_force(a, b):
+    q = (np.arange(20_000) + 0.5) / 20_000
+    assert a.w2(b) == pytest.approx(math.sqrt(np.mean((a.icdf(q) - b.icdf(q)) ** 2)), abs=5e-3)
+    assert a.w2(b) == pytest.approx(b.w2(a), abs=1e-12)
     x = np.linspace(-6.0, 8.0, 50_001)
     brute = np.abs(a.cdf(x) - b.cdf(x)).max()
-    assert brute - 1e-9 <= sn.ks_line(a, b) <= brute + 2e-3
-    assert sn.ks_line(a, b) == pytest.approx(sn.ks_line(b, a), abs=1e-12)
-    assert sn.ks_line(a, a) == 0.0
+    assert brute - 1e-9 <= a.ks(b) <= brute + 2e-3
+    assert a.ks(b) == pytest.approx(b.ks(a), abs=1e-12)
+
+
+@pytest.mark.parametrize("distribution", LINE + PLANE, ids=repr)
+def test_a_distribution_is_at_no_distance_from_itself(distribution):
+    assert distribution.w2(distribution) == 0.0
+    if distribution.width == 1:
+        assert distribution.ks(distribution) == 0.0
+
+
+def test_the_ks_of_equal_gaussians_a_shift_apart_has_a_closed_form():
+    expected = 2 * stats.norm.cdf(0.25) - 1
+    assert sn.GaussianNoise(0.0, 1.0).ks(sn.GaussianNoise(0.5, 1.0)) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_constant_can_stand_for_a_distribution_in_distances():
+    distribution = sn.UniformNoise(0.0, 1.0)
+    assert distribution.w2(0.5) == pytest.approx(math.sqrt(1 / 12))
+    assert distribution.ks(0.25) == pytest.approx(0.75)
 
 
 @every_plane_distribution
@@ -255,6 +283,35 @@ def test_the_edge_is_the_rim_without_the_middle():
     assert cells[1:3, 1:3].sum() == 0 and stats.chisquare(rim).pvalue > 1e-3
 
 
+def test_distances_of_boxes_on_the_plane_are_exact():
+    top, bottom = sn.RandomTopLocation(), sn.RandomBottomLocation()
+    assert top.w2(bottom) == pytest.approx(0.475 + 0.95)
+    assert top.ks(bottom) == 1.0
+    assert sn.CenterLocation().w2(sn.RandomMiddleLocation()) == pytest.approx(math.sqrt(2 * 0.95**2 / 12))
+    assert sn.RandomEdgeLocation().ks(sn.RandomUniformLocation()) == pytest.approx(9 / 16 - 5 / 12, abs=1e-12)
+
+
+def test_the_w2_of_plane_gaussians_is_the_bures_distance():
+    a = sn.GaussianNoise2D((0.0, 0.0), cov=[[2.0, 0.5], [0.5, 1.0]])
+    turned = sn.GaussianNoise2D((3.0, 4.0), cov=[[2.0, 0.5], [0.5, 1.0]])
+    assert a.w2(turned) == pytest.approx(5.0)
+    b = sn.GaussianNoise2D((0.0, 0.0), cov=[[8.0, 2.0], [2.0, 4.0]])
+    assert a.w2(b) == pytest.approx(math.sqrt(3.0))  # standard deviations double, and the trace is 3
+
+
+def test_the_cdf_of_correlated_gaussians_is_scipys_also_on_the_axes_and_far_out():
+    for cov in ([[0.1, 0.05], [0.05, 0.2]], [[1.0, -0.95], [-0.95, 1.0]]):
+        distribution, oracle = sn.GaussianNoise2D((0.1, -0.2), cov=cov), stats.multivariate_normal([0.1, -0.2], cov)
+        x = np.concatenate(
+            [draws(distribution, 50), [[0.1, -0.2], [0.1, 0.5], [0.1, -0.9], [0.7, -0.2], [1e3, 0.3], [-1e3, 0.3]]]
+        )
+        assert np.allclose(distribution.cdf(x), oracle.cdf(x), atol=1e-8)
+        assert (
+            distribution.cdf([math.inf, 0.3]) == pytest.approx(distribution.cdf([1e3, 0.3]))
+            and distribution.cdf([math.inf, math.inf]) == 1.0
+        )
+
+
 def test_a_choice_of_points_is_a_distribution_on_the_plane():
     distribution = sn.Choice([(0.0, 0.0), (1.0, 2.0)], [0.25, 0.75])
     assert distribution.width == 2 and distribution.sample(np.random.default_rng(0), 5).shape == (5, 2)
@@ -285,8 +342,11 @@ def test_one_draw_without_size_is_a_number():
         (lambda: sn.LogUniform(0.0, 1.0), "low must be positive"),
         (lambda: sn.Mixture([sn.UniformNoise(0, 1), sn.CenterLocation()]), "all on the line or all on the plane"),
         (lambda: sn.TruncatedGaussianNoise(0.0, 1.0, (50.0, 60.0)), r"no mass lies in \(50, 60\)"),
+        (lambda: sn.VonMises(0.0, 0.0), "kappa must be positive"),
         (lambda: sn.Wrapped(sn.CenterLocation()), "Wrapped needs a distribution on the line"),
         (lambda: sn.Wrapped(sn.Bernoulli(0.5), period=-1.0), "the period must be positive, not -1.0"),
+        (lambda: sn.VonMises().w2(sn.Wrapped(sn.Bernoulli(0.5), 1.0)), "periods 6.28319 and 1: .* different circles"),
+        (lambda: sn.Mixture([sn.VonMises(), sn.Wrapped(sn.Bernoulli(0.5), 1.0)]), "that live on one circle"),
         (lambda: sn.Empirical([[1.0, 2.0, 3.0]]), r"numbers \(n,\) or points"),
         (lambda: sn.Empirical([1.0, math.nan]), "leave out those that are missing"),
         (lambda: sn.Affine(sn.Bernoulli(0.5), scale=0.0), "scale must be other than zero"),
@@ -296,8 +356,10 @@ def test_one_draw_without_size_is_a_number():
             lambda: sn.Mixture([sn.Independent(0.0, sn.UniformNoise(0, 1)), sn.RandomTopLocation()]).entropy(),
             "of its mass lies on lines",
         ),
-        (lambda: sn.CenterLocation().icdf(0.5), "here one on the line is needed"),
+        (lambda: sn.UniformNoise(0, 1).w2(sn.CenterLocation()), "here one on the line is needed"),
+        (lambda: sn.GaussianNoise2D((0, 0), cov=[[1, 2], [2, 1]]), "not positive definite"),
         (lambda: sn.Choice(["a", "b"]).cdf(0.0), "things that are not numbers"),
+        (lambda: sn.Choice(["a", "b"]).w2(sn.Bernoulli(0.5)), r"Choice.*among things that are not numbers"),
         (lambda: sn.Choice(3), "Choice: keys must be a list, not 3"),
         (lambda: sn.Choice([0.0, math.nan]), "a key is not a number"),
         (lambda: sn.Choice([1, 2], ["a", 1]), "probabilities must be a list of numbers"),
@@ -326,7 +388,7 @@ def test_a_distribution_of_ones_own_needs_only_to_be_sampled():
         Triangular().cdf(0.5)
 
 
-def test_the_measures_of_a_distribution_of_ones_own_are_computed_from_its_cdf():
+def test_the_distances_of_a_distribution_of_ones_own_are_computed_from_its_cdf():
     class Uniform(sn.Noise):
         pieces = np.array([0.0, 1.0])
 
@@ -340,5 +402,6 @@ def test_the_measures_of_a_distribution_of_ones_own_are_computed_from_its_cdf():
             return np.where((np.asarray(x) >= 0) & (np.asarray(x) <= 1), 1.0, 0.0)
 
     own, shifted = Uniform(), sn.UniformNoise(1.0, 2.0)
-    assert sn.ks_line(own, shifted) == pytest.approx(1.0) and own.entropy() == pytest.approx(0.0, abs=1e-12)
+    assert own.w2(shifted) == pytest.approx(1.0) and shifted.w2(own) == pytest.approx(1.0)
+    assert own.ks(shifted) == pytest.approx(1.0) and own.entropy() == pytest.approx(0.0, abs=1e-12)
     assert (own.mean, own.var) == pytest.approx((0.5, 1 / 12))

@@ -1,13 +1,115 @@
-"""The distribution of hulls of Gaussian points."""
+"""Distances of distributions with their errors, and the distributions that are not numbers: hulls of Gaussian points."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 from scipy import stats
 
+import segar.noise as sn
 from segar.language.shapes import convex_hulls, gaussian_mass, hull_log_density, polygon_areas
 from segar.levels.sampling.draws import pad_hulls
+from segar.noise.line_distances import w2_line
+
+SMOOTH = [
+    sn.GaussianNoise(0.0, 1.0),
+    sn.UniformNoise(-1.0, 2.0),
+    sn.LogUniform(0.2, 3.0),
+    sn.TruncatedGaussianNoise(0.0, 1.0, (-1.0, 2.0)),
+    sn.Mixture([sn.GaussianNoise(-1.0, 0.2), sn.UniformNoise(0.0, 1.0)]),
+    sn.GaussianNoise(0.0, 1.0, clip=(-1.0, 1.0)),
+    sn.Empirical([-0.5, 0.1, 0.7]),
+]
+
+
+def test_what_has_a_closed_form_has_no_error():
+    pairs = [
+        (sn.GaussianNoise(0.0, 1.0), sn.GaussianNoise(1.0, 2.0)),
+        (sn.UniformNoise(0.0, 1.0), sn.UniformNoise(1.0, 2.5)),
+        (sn.Empirical([1.0, 2.0]), sn.DiscreteRangeNoise(1, 3)),
+        (sn.RandomTopLocation(), sn.RandomMiddleLocation()),
+        (sn.GaussianNoise2D((0, 0), cov=[[1, 0.5], [0.5, 1]]), sn.GaussianNoise2D((0, 1), cov=[[1, 0.2], [0.2, 1]])),
+        (sn.LogUniform(0.1, 1.0), sn.Deterministic(0.4)),
+    ]
+    for a, b in pairs:
+        assert a.w2_estimate(b) == (a.w2(b), 0.0), (a, b)
+
+
+@pytest.mark.parametrize(("a", "b"), list(itertools.combinations(SMOOTH, 2)), ids=repr)
+def test_the_stated_errors_hold_the_true_distances(a, b):
+    q = (np.arange(50_000) + 0.5) / 50_000
+    w2, ks = a.w2_estimate(b), a.ks_estimate(b)
+    brute = math.sqrt(np.mean((a.icdf(q) - b.icdf(q)) ** 2))
+    assert w2.error < 1e-5 and abs(w2.value - brute) <= w2.error + 4e-4  # the midpoint rule sees no tail
+    x = np.linspace(-6.0, 6.0, 200_001)
+    gap = np.abs(a.cdf(x) - b.cdf(x)).max()
+    assert ks.error <= 2e-6 and gap <= ks.value + ks.error + 1e-12
+
+
+def test_a_distance_of_distributions_on_the_plane_without_closed_form_says_how_far_off_it_may_be():
+    left, right = sn.RandomLeftLocation(), sn.GaussianNoise2D((0.5, 0.0), cov=[[0.02, 0.01], [0.01, 0.02]])
+    here = sn.Mixture([left, right], [0.25, 0.75])
+    there = sn.Mixture([sn.Affine(left, shift=(0.3, 0.4)), sn.Affine(right, shift=(0.3, 0.4))], [0.25, 0.75])
+    estimate = here.w2_estimate(there)
+    assert abs(estimate.value - 0.5) < 0.01 < estimate.error < 0.1  # a shift by 0.5
+    measured = sn.Empirical(here.sample(np.random.default_rng(0), 200))
+    estimate, whole = measured.w2_estimate(there), measured.w2_estimate(here)
+    assert abs(estimate.value - 0.5) <= estimate.error + whole.value  # the triangle inequality
+    assert sn.RandomEdgeLocation().w2_estimate(sn.RandomUniformLocation()).error < 0.07
+
+
+def test_an_image_under_scaling_and_shifting_has_a_closed_form():
+    for distribution in (
+        sn.RandomEdgeLocation(),
+        sn.LogUniform(0.1, 2.0),
+        sn.Mixture([sn.UniformNoise(0, 1), sn.Bernoulli(0.3)]),
+    ):
+        moved = sn.Affine(distribution, scale=0.5, shift=0.2)
+        assert distribution.w2_estimate(sn.Affine(moved, shift=0.1)).error == 0.0
+        gap = np.asarray(distribution.mean) - np.asarray(moved.mean)
+        assert distribution.w2(moved) == pytest.approx(math.sqrt(np.sum(gap**2 + 0.25 * distribution.var)))
+        if distribution.width == 1:
+            assert w2_line(distribution, moved).value == pytest.approx(distribution.w2(moved), abs=1e-9)
+            back = sn.Affine(distribution, scale=-1.0)  # turning round is no optimal map
+            assert distribution.w2(back) == pytest.approx(w2_line(distribution, back).value)
+
+
+def test_a_distribution_of_one_atom_on_the_plane_takes_all_of_the_other():
+    edge = sn.RandomEdgeLocation()
+    assert sn.CenterLocation().w2_estimate(edge) == (math.sqrt(np.sum(edge.var)), 0.0)
+
+
+def test_transport_between_points_is_exact():
+    a = sn.Empirical([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+    b = sn.Empirical([(1.0, 1.0), (0.0, 0.0), (2.0, 0.0)])
+    cost = ((np.array(a.values)[:, None] - np.array(b.values)) ** 2).sum(axis=-1)
+    best = min(sum(cost[i, j] for i, j in enumerate(order)) for order in itertools.permutations(range(3)))
+    assert a.w2(b) == pytest.approx(math.sqrt(best / 3), abs=1e-12)
+    assert a.ks(b) == pytest.approx(1 / 3)  # at (0, 1) two of three points against one
+
+
+def test_the_error_of_the_ks_of_boxes_is_zero_and_that_of_gaussians_is_small():
+    boxes = sn.RandomEdgeLocation().ks_estimate(sn.RandomUniformLocation())
+    assert boxes.error == 0.0 and boxes.value == pytest.approx(9 / 16 - 5 / 12, abs=1e-12)
+    gaussians = sn.GaussianNoise2D((0.0, 0.0), 1.0).ks_estimate(sn.GaussianNoise2D((0.5, 0.0), 1.0))
+    exact = 2 * stats.norm.cdf(0.25) - 1  # where y is infinite
+    assert abs(gaussians.value - exact) <= gaussians.error < 0.05
+
+
+def test_a_narrow_von_mises_is_a_gaussian_and_a_wide_one_uniform():
+    assert sn.VonMises(0.2, 1e6).ks(sn.GaussianNoise(0.2, 1e-3)) < 1e-6
+    assert sn.VonMises(0.0, 1e-6).ks(sn.UniformNoise(-math.pi, math.pi)) < 1e-6
+    distribution, oracle = sn.VonMises(0.3, 4.0), stats.vonmises(4.0, loc=0.3)
+    x = np.linspace(0.3 - math.pi, 0.3 + math.pi, 99)
+    assert np.allclose(distribution.cdf(x), oracle.cdf(x), atol=1e-13) and np.allclose(
+        distribution.pdf(x), oracle.pdf(x), atol=1e-13
+    )
+    assert distribution.entropy() == pytest.approx(oracle.entropy(), abs=1e-12)
+    turned = np.exp(1j * distribution.sample(np.random.default_rng(0), 100_000)).mean()
+    assert abs(turned) == pytest.approx(distribution.resultant, abs=0.01) and np.angle(turned) == pytest.approx(
+        0.3, abs=0.01
+    )
 
 
 def hulls(count: int, points: int, sigma: float = 1.0) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:

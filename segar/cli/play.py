@@ -1,0 +1,39 @@
+"""``segar play``: hit the ball with the mouse."""
+
+import argparse
+from typing import Any
+
+from segar.cli.arguments import TASK_HELP, add_levels, add_number, sampled_levels, task_named
+from segar.rendering import View
+from segar.support import need_pygame
+
+
+def add_commands(commands: Any) -> None:
+    """Add ``play`` to the sub-commands of a parser."""
+    purpose = "play levels with the mouse"
+    playing = commands.add_parser("play", help=purpose, description="Play levels with the mouse.")
+    add_levels(playing)
+    add_number(playing, "--level", "to begin with", least=0, default=0)
+    playing.add_argument("--task", help=TASK_HELP)
+    add_number(playing, "--size", "of the arena [px]", least=64, default=720)
+    playing.add_argument("--speed", type=float, default=1.0, help="of time, 0.5 for slow motion (default: %(default)s)")
+    add_number(playing, "--steps", "time limit; agents have 100", least=1, default=600)
+    playing.set_defaults(run=play)
+
+
+def play(chosen: argparse.Namespace) -> None:
+    """``segar play``."""
+    need_pygame("playing")
+    from segar.cli.game import Game
+
+    levels = sampled_levels(chosen)
+    game = Game(
+        levels,
+        task_named(chosen.task, levels),
+        level=chosen.level,
+        seed=chosen.seed,
+        speed=chosen.speed,
+        max_steps=chosen.steps,
+        view=View(size=chosen.size),
+    )
+    print(game.run())
