@@ -80,6 +80,7 @@ def trained_in_gusts(tmp_path_factory):
     return run(short_run(tmp_path_factory.mktemp("gusty") / "run", levels=levels), lambda line: None).folder
 
 
+@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize(
     ("levels", "portable"), [("test", True), ("train", False), ("tests.experiments.evaluation.gusty:WINDY", False)]
 )

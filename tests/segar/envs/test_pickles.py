@@ -118,6 +118,7 @@ def test_every_observation_goes_on_to_the_bit(observation):
     assert_same(trail(other), trail(env))
 
 
+@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize("render_mode", [None, "rgb_array"])
 def test_a_single_environment_goes_on_to_the_bit(render_mode):
     env = gymnasium.make("Segar-objectsx1-hard-state-linear-v0", num_levels=4, max_steps=9, render_mode=render_mode)

@@ -83,6 +83,7 @@ def small(n: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).normal(0.0, 0.05, (n, 2))
 
 
+@pytest.mark.usefixtures("plain_source")
 def test_a_constant_force_doubled_adds_its_own_path_however_bodies_start():
     still, pull, double, mirrored = worlds("", "pull", "double", "mirrored")
     there = situations(small(8), plays=1)
@@ -199,6 +200,7 @@ def rotate(turn: Turn, speed: Speed) -> Differential[Turn]:
     return Differential[Turn](turn, speed)
 
 
+@pytest.mark.usefixtures("plain_source")
 def test_a_factor_with_a_period_takes_the_shorter_way():
     world = World([rotate])
     entities = [[GolfBall({Position: [-0.5, 0.0]}), GoalTile({Position: [0.5, 0.5]}), Dial({Position: [0.5, 0.0]})]]

@@ -74,6 +74,7 @@ def test_an_environment_in_which_one_intervenes_agrees_about_what_would_be(made)
     assert count > 5
 
 
+@pytest.mark.usefixtures("plain_source")
 def test_a_rule_that_is_switched_off_is_a_rule_that_is_not_there(rule_space):
     space, count = rule_space.distribution.rule_space, 0
     for question in rule_space.of("explain"):
@@ -254,6 +255,7 @@ def test_wrong_arguments_are_named(arguments, said):
         make_questions(**{"distribution": segar.family("empty-easy")} | arguments)
 
 
+@pytest.mark.usefixtures("plain_source")
 def test_levels_without_good_questions_are_said():
     @segar.rule
     def freeze(v: segar.Velocity) -> segar.SetFactor[segar.Velocity]:

@@ -179,6 +179,7 @@ def test_outlines_are_told():
     assert len(seen) == 2
 
 
+@pytest.mark.usefixtures("plain_source")
 def test_what_the_words_say_of_puttputt_is_what_it_does():
     """A unit action adds 2 / Mass to the velocity; success is within 0.02828 m."""
     things = [
