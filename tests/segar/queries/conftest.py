@@ -34,7 +34,7 @@ def default_rules() -> Made:
 
 @pytest.fixture(scope="session")
 def rule_space() -> Made:
-    distribution = segar.family("objectsx3-hard").with_rules(templates.dynamics_space())
+    distribution = segar.family("objectsx1-hard").with_rules(templates.dynamics_space())
     return Made(distribution, *make_questions(distribution, NUMBER, seed=3))
 
 

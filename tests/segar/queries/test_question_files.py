@@ -177,12 +177,12 @@ def test_a_file_is_replaced_only_by_a_complete_one(files, monkeypatch):
 
 def test_the_command_writes_what_the_library_makes_and_grades_it(capsys, tmp_path):
     path, space = tmp_path / "q.jsonl", "segar.rules.templates:dynamics_space"
-    call = f"queries write objectsx3-hard --world {space} -n 2 --seed 5 --kinds explain predict --json"
+    call = f"queries write objectsx1-hard --world {space} -n 2 --seed 5 --kinds explain predict --json"
     assert cli.main([*call.split(), "-o", str(path)]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["questions"] == {"explain": 2, "predict": 2} and said["file"] == str(path) and said["seed"] == 5
     world = segar.World(rules=segar.rules.templates.dynamics_space())
-    distribution = segar.family("objectsx3-hard").with_rules(world.space)
+    distribution = segar.family("objectsx1-hard").with_rules(world.space)
     made, answers = make_questions(distribution, 2, ["explain", "predict"], seed=5)
     assert said["distribution"] == distribution.hash and lines_of(path) == [question.data() for question in made]
     key = tmp_path / "q.key.jsonl"
