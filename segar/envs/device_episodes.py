@@ -6,14 +6,13 @@ of the processor, compiled for the GPU, so that episodes are the same to the bit
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from functools import lru_cache
 from typing import Any, NoReturn
 
 import numpy as np
 import torch
 from gymnasium import spaces
 
-from segar.engine import BY_NUMBER, Call, Entry, State, StepResult, build_kernel, for_threads, step_entry
+from segar.engine import BY_NUMBER, Call, State, StepResult, build_kernel, for_threads, step_entry
 from segar.engine.cuda.driver import Device, Driver, Kernel
 from segar.envs.episode_calls import check_call, count_call, observation_calls, start_call
 from segar.envs.episode_kernel import ACTION_NOT_FINITE
@@ -41,12 +40,6 @@ class GPU:
     def stream(self) -> int:
         """CUDA's handle of torch's current stream."""
         return torch.cuda.current_stream(self.tensors).cuda_stream if self.tensors.type == "cuda" else 0
-
-
-@lru_cache(maxsize=16)
-def _code_of(entries: tuple[Entry, ...]) -> str:
-    """The PTX of the kernels of an environment: environments of one world share it."""
-    return build_kernel(entries, "ptx").code.decode()
 
 
 def open_gpu(device: Any) -> GPU:
@@ -108,7 +101,7 @@ class DeviceEpisodes:
         self._check = self._threads(check_call(len(simulator.task.action_low)))
         calls = (*self._start, *self._advance, *self._write, self._count, self._check)
         entries = (self._step, *dict.fromkeys(call.entry for call in calls))
-        self._kernels: dict[str, Kernel] = gpu.device.kernels(_code_of(entries))
+        self._kernels: dict[str, Kernel] = gpu.device.kernels(build_kernel(entries, "ptx").code.decode())
         self._steps = 0  # since the last check
         self._center, self._half_range = self._tensor(host.actions.center), self._tensor(host.actions.half_range)
         try:

@@ -6,7 +6,7 @@ import sys
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -54,14 +54,17 @@ def build_kernel(entries: Sequence[Entry], target: str, about: Mapping[str, Any]
     if target not in TARGETS:
         raise SegarError(f"target {must_be(target, TARGETS)}")
     description = {**(about or {}), "segar": 1, "target": target, "exports": [one.described() for one in entries]}
-    found = kept_intermediate_code(entries)
+    return TargetKernel(target, _code(tuple(entries), target, json.dumps(description)), description)
+
+
+@lru_cache(maxsize=16)
+def _code(entries: tuple[Entry, ...], target: str, description: str) -> bytes:
+    found, described = kept_intermediate_code(entries), json.loads(description)
     if target == "wasm":
-        code = wasm_module(entries, found, description, STACK + max(one.scratch for one in entries))
-    elif target == "ptx":
-        code = ptx_module(entries, found, description).encode()
-    else:
-        code = native_object(entries, found)
-    return TargetKernel(target, code, description)
+        return wasm_module(entries, found, described, STACK + max(one.scratch for one in entries))
+    if target == "ptx":
+        return ptx_module(entries, found, described).encode()
+    return native_object(entries, found)
 
 
 def kept_intermediate_code(entries: Sequence[Entry]) -> list[dict[str, Any]]:
