@@ -1,8 +1,6 @@
 """Level files in JSON hold the same levels as npz files, to the bit; what people write is read, or refused with its place."""
 
-import errno
 import json
-import os
 import re
 from pathlib import Path
 
@@ -324,20 +322,6 @@ def test_a_short_text_that_stands_for_very_many_numbers_is_refused(tmp_path):
     with pytest.raises(LevelError, match=r"x.json: this level file of .* bytes would expand to .*SEGAR_FILE_LIMIT to"), pytest.MonkeyPatch.context() as patch:  # fmt: skip  # noqa: E501
         patch.setenv("SEGAR_FILE_LIMIT", "100")
         Levels.load(path)
-
-
-def test_a_full_disk_leaves_the_old_file_and_no_debris(tmp_path, monkeypatch):
-    path = tmp_path / "x.json"
-    LEVELS.save(path)
-    before = path.read_bytes()
-
-    def full(*arguments, **options):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(Path, "write_text", full)
-    with pytest.raises(LevelError, match=r"levels cannot be written to .*x.json: No space left"):
-        LEVELS[:1].save(path)
-    assert path.read_bytes() == before and os.listdir(tmp_path) == ["x.json"]
 
 
 def test_levels_that_could_not_be_read_again_are_not_written(tmp_path):

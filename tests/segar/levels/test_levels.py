@@ -297,11 +297,6 @@ def test_a_file_with_a_damaged_description_is_refused_with_what_to_do(change, me
         Levels.load(path)
 
 
-def test_a_file_that_is_not_there_is_named():
-    with pytest.raises(LevelError, match=r"there is no level file /nowhere/x\.npz"):
-        Levels.load("/nowhere/x.npz")
-
-
 def test_an_unknown_entity_says_what_to_import(tmp_path):
     class Meteor(Object):
         label: Label = "meteor"
