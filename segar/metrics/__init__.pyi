@@ -20,7 +20,7 @@ from .points import Spread as Spread, relevant_factors as relevant_factors, spre
 from .representative_sets import coverage, effective_number
 from .sliced import w2_sliced
 from .unseen import unseen_differences
-from .visual import visual_distance, visual_w2
+from .visual import clustering_w2 as clustering_w2, visual_distance, visual_w2
 from .w2_parts import decompose, w2_debiased
 from .wasserstein import MISMATCH as MISMATCH, cost_matrix, w2, w2_report
 

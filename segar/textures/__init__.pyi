@@ -1,5 +1,9 @@
 from .filter_bank import FilterBank
-from .filter_clusters import filter_textures
+from .filter_clusters import (
+    FilterClusters as FilterClusters,
+    cluster_costs as cluster_costs,
+    filter_textures,
+)
 from .inputs import (
     BACKGROUND as BACKGROUND,
     NOISE_CLIP as NOISE_CLIP,

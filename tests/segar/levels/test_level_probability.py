@@ -160,10 +160,11 @@ def test_the_acceptance_of_two_uniform_points_has_a_closed_form():
     share = dist.acceptance(20_000)
     assert abs(share.value - (1 - close)) < 4 * share.error
     levels = dist.sample(50)
+    accepted, error = dist.log_acceptance(levels)
+    assert (np.abs(accepted - math.log1p(-close)) < 4 * error).all() and (error < 1e-3).all()
     plain = dist.log_prob(levels, normalised=False)
     assert np.allclose(plain, 2 * -math.log(side**2) - math.log(2))  # the last: the two ranks in the pile
-    accepted, error = plain - dist.log_prob(levels), math.sqrt(close / (1 - close) / 200_000)
-    assert (np.abs(accepted - math.log1p(-close)) < 4 * error).all() and error < 1e-3
+    assert np.allclose(dist.log_prob(levels), plain - accepted)
 
 
 def test_what_cannot_be_drawn_has_no_probability():
