@@ -58,13 +58,13 @@ from experiments.benchmarking.row import (
 )
 from experiments.benchmarking.settings import ROWS, BenchmarkConfig
 from experiments.benchmarking.verification import verify
-from experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, run_command, to_plain
+from experiments.commands.hydra_app import errors_as_messages, run_command, to_plain
 from experiments.commands.kernels import choose_kernels
+from experiments.commands.plugin import REPORTS, run_plugin
 from experiments.evaluation.transfers import RunTask
 from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, do_all, failures, reproduce
 from experiments.reproduction.grid import grid_runs
 from experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
-from experiments.reproduction.plugin import REPORTS, run_plugin
 from experiments.runs.executed_code import differing_parts
 from experiments.runs.run_folder import folder_path, is_finished, runs_root
 from experiments.settings import (
@@ -373,15 +373,11 @@ def with_names(arguments: Sequence[str]) -> list[str]:
     return found
 
 
-@ends_with_its_reader()
 def main() -> None:
     """The command."""
-    if {"-h", "--help"} & {*sys.argv[1:]}:
-        print((__doc__ or "").strip())
-        return
     with errors_as_messages():
         sys.argv[1:] = with_names(sys.argv[1:])
-    run_command(benchmark, "benchmark", build, SETTINGS)
+    run_command(benchmark, "benchmark", build, SETTINGS, lambda: (__doc__ or "").strip())
 
 
 if __name__ == "__main__":

@@ -36,8 +36,9 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from experiments.commands.config_store import conf_dir
-from experiments.commands.hydra_app import ends_with_its_reader, run_command, to_plain
+from experiments.commands.hydra_app import run_command, to_plain
 from experiments.commands.kernels import choose_kernels
+from experiments.commands.plugin import REPORTS, STUDIES, find_plugin, run_plugin
 from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished
 from experiments.evaluation.transfers import RunTask
 from experiments.reproduction.experiment_file import PLAN, STUDY, Experiment, chosen_names, experiment_at
@@ -53,7 +54,6 @@ from experiments.reproduction.plan import (
     make_plan,
     measure_speeds,
 )
-from experiments.reproduction.plugin import REPORTS, STUDIES, find_plugin, run_plugin
 from experiments.reproduction.process_pool import Job, JobResult, run_jobs
 from experiments.runs.files import write_text
 from experiments.runs.run_folder import runs_root, write_json
@@ -344,11 +344,7 @@ def experiment_files() -> dict[str, dict[str, Any]]:
 
 def main() -> None:
     """The command."""
-    if {"-h", "--help"} & {*sys.argv[1:]}:
-        with ends_with_its_reader():
-            print(help_text())
-    else:
-        run_command(reproduce, "reproduce", build, SETTINGS)
+    run_command(reproduce, "reproduce", build, SETTINGS, help_text)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from experiments.commands.command_line import run_from_command_line
-from experiments.reproduction.plugin import SUMMARIES, find_plugin
+from experiments.commands.plugin import SUMMARIES, find_plugin
 from experiments.runs.files import replacing, write_text
 from experiments.runs.run_folder import RESULTS, root_folder
 from experiments.runs.run_rows import (

@@ -65,6 +65,7 @@ def run_command(
     config_name: str = "config",
     build: Callable[[DictConfig], Any] | None = None,
     settings: Mapping[str, Any] | None = None,
+    about: Callable[[], str] | None = None,
 ) -> None:
     """Runs ``task`` with the settings of the command line, under Hydra (so ``--multirun`` works).
 
@@ -74,7 +75,11 @@ def run_command(
     Args:
         build: makes the argument of ``task`` from Hydra's result; None makes a :class:`RunConfig`.
         settings: defaults beyond those of a :class:`RunConfig`, known to Hydra as ``base_<config_name>``.
+        about: what ``--help`` prints in place of Hydra's text.
     """
+    if about is not None and {"-h", "--help"} & {*sys.argv[1:]}:
+        print(about())
+        return
     register_settings(config_name, settings)
     failed: list[str] = []  # messages of the runs of a sweep; Hydra shows the first
 

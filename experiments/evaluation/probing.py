@@ -10,13 +10,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Annotated, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from experiments.commands.plugin import find_plugin
 from experiments.runs.executed_code import fingerprint
 from experiments.runs.files import replacing
 from experiments.runs.run_folder import (
@@ -32,7 +32,6 @@ from experiments.runs.run_folder import (
 )
 from experiments.settings import (
     ActionMode,
-    ConfigError,
     Count,
     CountFrom0,
     RunConfig,
@@ -47,7 +46,6 @@ from experiments.settings import (
 from experiments.tracking.mlflow_sync import RunSync, files_of, read_sync_state
 from segar.errors import SegarError
 
-PLUGINS, PLUGIN = "segar.probes", "default"  # group and name of the entry point
 ABOUT = b"segar"  # key of the file's metadata: the settings ("asked"), the fingerprint of the code, the seconds
 TRAINED, IDENTITY = "trained", "identity"
 ON_BOTH = (TRAINED, IDENTITY)  # are probed on training and test levels, the others on test levels only
@@ -109,6 +107,7 @@ def is_probed(run: RunConfig, config: ProbeConfig) -> bool:
     return about is not None and about["asked"] == as_data(config) and about["code"] == code_of_probes()
 
 
+find_probes = cache(partial(find_plugin, "segar.probes", "default"))  # the plug-in that probes
 print_at_once = partial(print, flush=True)  # so that logs can be read while they are written
 
 
@@ -139,18 +138,6 @@ def probe_finished(run: RunConfig, config: ProbeConfig, say: Callable[[str], Non
         send_to_tracker(run, folder, say)
     say(f"{run.label()}: probed in {took:.1f} s, accuracy {figures.get(PREFIX + 'accuracy/test', float('nan')):.3f}")
     return figures
-
-
-@cache
-def find_probes() -> EntryPoint:
-    """The plug-in that probes; raises :class:`ConfigError` if none is installed."""
-    found = entry_points(group=PLUGINS, name=PLUGIN)
-    if not found:
-        raise ConfigError(
-            f"no probes are installed: no package has an entry point '{PLUGIN}' in the group '{PLUGINS}'. Install the "
-            "checkout, which has one: pip install -e . (or make setup); grids.<experiment>.probes=false leaves probes out"
-        )
-    return next(iter(found))
 
 
 def read_about(folder: Path) -> dict[str, Any] | None:

@@ -292,7 +292,7 @@ class ExperimentConfig:
     attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = entry("groups of factors", {})
     probes: bool = entry("ask what the agents' representations know of the factors, as probes.<scale> says", False)
     claims: Annotated[Mapping[str, Any], check_claims] = entry("name to ClaimConfig", {})
-    study: str = entry("needs no training: a plug-in, see experiments.reproduction.plugin", "")
+    study: str = entry("needs no training: a plug-in, see experiments.commands.plugin", "")
     options: Mapping[str, Any] = entry("of the study, by name", {})
     scales: Mapping[str, Any] = entry("what differs there, of the grid and of Others; none: all", {})
 

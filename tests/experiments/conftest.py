@@ -1,4 +1,6 @@
-"""One thread for torch, as in every run: two tests side by side would otherwise wait for each other's cores."""
+"""One thread for torch, as in every run: two tests side by side would otherwise wait for each other's cores; and plug-ins."""
+
+import os
 
 import pytest
 import torch
@@ -7,3 +9,23 @@ import torch
 @pytest.fixture(autouse=True, scope="session")
 def one_torch_thread():
     torch.set_num_threads(1)
+
+
+@pytest.fixture
+def register(tmp_path, monkeypatch):
+    """Registers functions by group and name, for this process and for those that it starts."""
+    folder = tmp_path / "plugins"
+    info = folder / "some_plugins-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: some-plugins\nVersion: 1.0\n")
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    )
+
+    def registered(group, module="", **functions):
+        (folder / "some_plugins.py").write_text(module)
+        with (info / "entry_points.txt").open("a") as stream:
+            stream.writelines([f"[{group}]\n", *(f"{name} = {value}\n" for name, value in functions.items())])
+
+    return registered

@@ -12,6 +12,7 @@ import yaml
 
 from analysis.probes.pairs import Column, Pairs
 from analysis.probes.table import probe_pairs, probe_run
+from experiments.commands import plugin
 from experiments.commands.config_store import conf_dir
 from experiments.evaluation import probing
 from experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished
@@ -57,7 +58,7 @@ def no_answers(folder, config):
 def install(monkeypatch, *functions):
     """Makes these functions of this file the registered probes."""
     plugins = [EntryPoint("default", f"{__name__}:{one.__name__}", "segar.probes") for one in functions]
-    monkeypatch.setattr(probing, "entry_points", lambda **of: EntryPoints(plugins).select(**of))
+    monkeypatch.setattr(plugin, "entry_points", lambda **of: EntryPoints(plugins).select(**of))
     probing.find_probes.cache_clear()
 
 
@@ -143,15 +144,9 @@ def test_a_failure_names_the_run_the_cause_and_what_to_do(finished, monkeypatch)
     assert not is_probed(finished, ASKED)
 
 
-def test_without_an_installed_plug_in_the_error_says_how_to_get_one(finished, monkeypatch):
-    install(monkeypatch)
-    with pytest.raises(ConfigError, match=r"no probes are installed.*group 'segar.probes'.*pip install -e \."):
-        probe_finished(finished, ASKED)
-
-
 def test_the_fingerprint_of_probes_is_that_of_the_plug_ins_module(monkeypatch):
-    plugin = EntryPoint("default", "analysis.probes.table:probe_run", "segar.probes")
-    monkeypatch.setattr(probing, "entry_points", lambda **of: EntryPoints([plugin]).select(**of))
+    table = EntryPoint("default", "analysis.probes.table:probe_run", "segar.probes")
+    monkeypatch.setattr(plugin, "entry_points", lambda **of: EntryPoints([table]).select(**of))
     probing.find_probes.cache_clear()
     assert probing.code_of_probes() == fingerprint("analysis.probes.table")
     assert probing.find_probes().load() is probe_run

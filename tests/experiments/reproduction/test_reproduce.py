@@ -12,9 +12,9 @@ import pytest
 
 from experiments.commands.command_line import parse_settings
 from experiments.commands.hydra_app import compose
+from experiments.commands.plugin import REPORTS, STUDIES
 from experiments.reproduce import ReproduceConfig, dashboard, reproduce
 from experiments.reproduction.plan import StudyTask
-from experiments.reproduction.plugin import REPORTS, STUDIES
 from experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read_versions, write_json
 from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point
 from tests.experiments.settings.test_grid import cells_of

@@ -5,8 +5,8 @@ from importlib.metadata import entry_points
 import pytest
 
 from experiments.commands.config_store import conf_dir
+from experiments.commands.plugin import REPORTS, STUDIES, SUMMARIES, call_plugin, find_plugin, run_plugin
 from experiments.reproduce import experiment_files
-from experiments.reproduction.plugin import REPORTS, STUDIES, SUMMARIES, call_plugin, find_plugin, run_plugin
 from experiments.settings import ConfigError
 
 MODULE = """

@@ -1,6 +1,6 @@
 """Plug-ins: functions that other packages register as entry points, such as studies, and what makes tables and reports.
 
-``python -m experiments.reproduction.plugin GROUP NAME FOLDER OPTIONS`` calls the function with the folder as its first
+``python -m experiments.commands.plugin GROUP NAME FOLDER OPTIONS`` calls the function with the folder as its first
 argument, and with OPTIONS (JSON) as keyword arguments. It is a process of its own, because what trains must not load what
 draws. A package registers a study in its pyproject.toml::
 
