@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from experiments.curricula.episodes import Ended
 from experiments.curricula.explorer import Explorer
 from experiments.curricula.level_rows import LevelRows
 from experiments.curricula.robust_plr import RobustPLR
@@ -21,48 +20,39 @@ from segar.levels import Levels, mutate, near_levels
 MUTATING = 3  # names the random stream
 
 
-class ACCEL:
+class ACCEL(RobustPLR):
     """The curriculum, see :class:`experiments.curricula.curriculum.Curriculum`."""
 
-    starts_anew = True  # as robust PLR
+    config: ACCELConfig
 
     def __init__(self, config: ACCELConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
-        self.config, self.rows, self.seed = config, rows, seed
-        self.replay = RobustPLR(config, rows, explorer, seed)
-        self.due = 0.0  # children that are to be tried
+        super().__init__(config, rows, explorer, seed)
+        self.seed = seed
+        self.children_due = 0.0  # that are to be tried
         self.generations = 0
-
-    @staticmethod
-    def rows_needed(config: ACCELConfig, num_envs: int) -> int:
-        """How many levels of an endless stream environments hold at a time."""
-        return RobustPLR.rows_needed(config, num_envs)
 
     def began(self, row: np.ndarray) -> None:
         """Takes note of the time, and of children that are due."""
-        self.replay.began(row)
-        self.due += self.config.children * len(row)
-
-    def ended(self, ended: Ended) -> None:
-        """Scores the levels of these episodes."""
-        self.replay.ended(ended)
+        super().began(row)
+        self.children_due += self.config.children * len(row)
 
     def advance(self, frames: int) -> Mapping[str, float]:
         """Tries as many new levels and children as are due, and weighs the rows."""
-        figures, batch, taken = dict(self.replay.advance(frames)), self.config.batch, 0
-        due = int(self.due) // batch * batch
-        self.due -= due
+        figures, batch, taken = dict(super().advance(frames)), self.config.batch, 0
+        due = int(self.children_due) // batch * batch
+        self.children_due -= due
         children = self.children(due) if due else None
         if children is not None:
             for first in range(0, len(children), batch):
-                taken += self.replay.offer(children[first : first + batch], made=True)
-        self.replay.weigh()
-        return {**figures, **self.replay.figures(), "children_taken": float(taken)}
+                taken += self.offer(children[first : first + batch], made=True)
+        self.weigh()
+        return {**figures, **self.figures(), "children_taken": float(taken)}
 
     def children(self, n: int) -> Levels | None:
         """At most ``n`` mutated levels, whose parents are drawn as replays are; None where all are levels of the test."""
         self.generations += 1
         rng = np.random.default_rng([self.seed, MUTATING, self.generations])
-        likely = self.replay.known.replay_probabilities(self.config)
+        likely = self.known.replay_probabilities(self.config)
         parents = rng.choice(len(likely), n, p=likely / likely.sum())
         found = mutate(self.rows.levels[parents], rng, self.config.changes)
         stream = self.rows.stream
@@ -71,15 +61,11 @@ class ACCEL:
         left = np.flatnonzero(~near_levels(found, stream.apart_from, 0.0, stream.distribution))
         return found[left] if len(left) else None
 
-    def scores(self) -> np.ndarray:
-        """Of the levels in all rows, nan where there is none."""
-        return self.replay.scores()
-
     def state_dict(self) -> dict[str, Any]:
         """That of robust PLR, and which children are due."""
-        return {"replay": self.replay.state_dict(), "due": self.due, "generations": self.generations}
+        return {**super().state_dict(), "children_due": self.children_due, "generations": self.generations}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continues from ``state``."""
-        self.replay.load_state_dict(state["replay"])
-        self.due, self.generations = state["due"], state["generations"]
+        super().load_state_dict(state)
+        self.children_due, self.generations = state["children_due"], state["generations"]

@@ -48,14 +48,10 @@ from segar.errors import SegarError
 
 ABOUT = b"segar"  # key of the file's metadata: the settings ("asked"), the fingerprint of the code, the seconds
 TRAINED, IDENTITY = "trained", "identity"
-ON_BOTH = (TRAINED, IDENTITY)  # are probed on training and test levels, the others on test levels only
 BOUNDS, READOUTS, KSG = ("jsd", "infonce", "smile"), ("ridge", "mlp"), "ksg"
 REPRESENTATIONS = (TRAINED, "random encoder", "pixel PCA", IDENTITY, "shuffled")
 EVERYTHING = (*BOUNDS, *READOUTS, KSG)
 PREFIX = "probes/"  # begins the names of figures
-# What one core of a small server took: per pair that a critic saw, and for the rest at 5,000 frames.
-SECONDS_PER_SAMPLE = 9e-6
-SECONDS = {"ridge": 0.4, "mlp": 2.6, "ksg": 0.3, "paper": 1.2}
 
 
 def check_representations(place: str, representations: Mapping[str, Sequence[str]]) -> None:
@@ -87,18 +83,6 @@ class ProbeConfig(Settings):
     representations: Annotated[Mapping[str, Sequence[str]], check_representations] = field(
         default_factory=lambda: dict.fromkeys(REPRESENTATIONS, EVERYTHING)
     )
-
-
-def assumed_seconds(config: ProbeConfig, speed: float) -> float:
-    """How long one thread may take [s] for a run whose agent makes ``speed`` frames per second in training."""
-    seconds = 2 * config.frames / speed + SECONDS["paper"] * config.paper_replicates
-    for name, probes in config.representations.items():
-        sets = 2 if name in ON_BOTH else 1
-        objectives = ("infonce" in probes) + bool({"jsd", "smile"} & {*probes})
-        steps = 2 * config.replicates * config.steps * config.batch  # 2 folds
-        readouts = sum(SECONDS[probe] for probe in probes if probe in SECONDS) * config.frames / ProbeConfig.frames
-        seconds += sets * (objectives * steps * SECONDS_PER_SAMPLE + readouts)
-    return seconds
 
 
 def is_probed(run: RunConfig, config: ProbeConfig) -> bool:

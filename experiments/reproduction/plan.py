@@ -10,7 +10,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
+from experiments.evaluation.probing import ProbeConfig, read_about
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
 from experiments.levels.builders import Prepared
 from experiments.reproduction.checks import (
@@ -45,6 +45,7 @@ ASSUMED_SPEED = {
     "state": 6000.0, "pixels": 1800.0, "auxiliary": 900.0, "recurrent": 700.0, "impala": 250.0, "off-policy": 40.0,
 }  # fmt: skip
 ASSUMED_EVALUATION = 8.0  # [s] per run
+ASSUMED_PROBING = 60.0  # [s] per run
 TRANSFER_SHARE = 0.5  # of a run's evaluation, which has two level sets instead of one
 STUDY_SECONDS = 30.0
 
@@ -267,9 +268,7 @@ class Speeds:
         """How long the probes of a run take, in seconds; 0 where they are done or not wanted."""
         if work.probes is None or not work.needs_probing():
             return 0.0
-        kind = kind_of(work.run)
-        measured = self.probing.get((*kind, digest(as_data(work.probes))))
-        return measured or assumed_seconds(work.probes, self.frames.get(kind, assumed_speed(work.run)))
+        return self.probing.get((*kind_of(work.run), digest(as_data(work.probes))), ASSUMED_PROBING)
 
 
 def assumed_speed(run: RunConfig) -> float:

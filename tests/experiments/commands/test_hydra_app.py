@@ -13,7 +13,7 @@ from experiments.commands.hydra_app import check_command_line, compose, compose_
 from experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
 from experiments.levels.builders import levels_in
 from experiments.runs.run_folder import read_config, run_folders
-from experiments.settings import CHECKOUT, KINDS, ConfigError, RunConfig, as_data, run_config
+from experiments.settings import CHECKOUT, KINDS, ConfigError, as_data, run_config
 from tests.experiments.short_runs import COMMAND, run_module
 
 SWEEP = """
@@ -191,14 +191,6 @@ def test_a_search_path_is_added_to_the_one_that_is_stated():
 def test_settings_are_read_without_torch(module):
     code = f"import sys, {module}; assert 'torch' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT).returncode == 0
-
-
-def test_an_error_does_not_change_what_hydra_prints_elsewhere(monkeypatch):
-    monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
-    with pytest.raises(ConfigError):
-        compose(["levels.cuont=3"])
-    assert "HYDRA_FULL_ERROR" not in os.environ
-    assert compose([]) == run_config(as_data(compose([]))) != RunConfig()
 
 
 def test_own_objects_are_named_where_groups_are_chosen():

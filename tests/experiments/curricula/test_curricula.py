@@ -195,7 +195,7 @@ def test_children_of_accel_are_levels_of_the_distribution_and_none_of_the_test(n
     stream = stream_of(Prepared(RunConfig(levels=LevelsConfig(train=name, count="endless"))))
     rows = LevelRows(VectorEnv(stream.take(32), 4, seed=0, task=of_suite.task), stream)
     accel = ACCEL(ACCELConfig(changes=2), rows, Explorer(VectorEnv, 4, (8, 1), 0), seed=0)
-    accel.replay.known.score[:] = np.arange(32)
+    accel.known.score[:] = np.arange(32)
     for _ in range(3):  # children have children
         children = accel.children(32)
         assert children is not None
@@ -204,27 +204,6 @@ def test_children_of_accel_are_levels_of_the_distribution_and_none_of_the_test(n
         assert not near_levels(children, of_suite.test_levels, 0.0, of_suite.train).any()
         rows.put(np.arange(len(children)), children, made=True)
     assert (rows.number[: len(children)] == MADE).all()
-
-
-@pytest.mark.slow
-def test_plr_trains_more_on_rare_hard_levels_than_uniform_does(tmp_path):
-    """A tenth of the levels is of the hardest family; the others the agent soon solves. The scores are those of training."""
-    mixed = "tests.experiments.curricula.rare_hard:rare_hard"
-    levels, shares = LevelsConfig(train=mixed, test=mixed, count=100, test_count=10), {}
-    for curriculum in (UniformConfig(), PLRConfig(score="regret", staleness=0.1)):
-        config = short_run(
-            tmp_path / curriculum.name,
-            levels=levels,
-            curriculum=curriculum,
-            algorithm=PPOConfig(num_envs=64, num_steps=32, gamma=0.9, epochs=4, learning_rate=1e-3, widths=(64, 64)),
-            scale=ScaleConfig(frames=150_000),
-            checkpoint_interval=1000.0,
-        )
-        run(config, say=lambda _: None)
-        late = [row for row in read_played(tmp_path / curriculum.name).to_pylist() if row["frames"] > 75_000]
-        of_hard = sum(row["episodes"] for row in late if row["level"] % 10 == 0)
-        shares[curriculum.name] = of_hard / sum(row["episodes"] for row in late)
-    assert shares["plr"] > 1.5 * shares["uniform"]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 
 from experiments.dashboard import DashboardConfig, require_free, serve, server_command
 from experiments.settings import CHECKOUT, ConfigError, TrackingConfig, TrackingError
-from experiments.tracking.mlflow_store import open_store, store_uri
+from experiments.tracking.mlflow_store import open_store
 from experiments.tracking.mlflow_views import VIEWS, link, tags_of_views
 from tests.waiting import PATIENCE, until
 
@@ -40,11 +40,6 @@ def test_the_server_listens_on_this_machine_alone_with_one_worker(tmp_path):
     command = " ".join(server_command(DashboardConfig(root=str(tmp_path), port=5123)))
     assert "--host 127.0.0.1 --port 5123 --workers 1" in command
     assert f"--backend-store-uri sqlite:///{tmp_path}/mlflow.db" in command
-
-
-def test_it_looks_where_runs_write(tmp_path):
-    (tmp_path / "mlflow.db").touch()
-    assert store_uri(TrackingConfig(), tmp_path) in server_command(DashboardConfig(root=str(tmp_path)))
 
 
 def test_a_port_that_is_none_is_refused():
