@@ -219,12 +219,6 @@ def test_actions_matter_to_what_is_foretold():
         assert torch.equal(a[:, :-1], b[:, :-1]) and not torch.equal(a[:, -1], b[:, -1])
 
 
-def test_as_many_gradient_steps_are_taken_for_the_loss_as_for_ppo_by_default():
-    for name in ("curl", "spr"):
-        config = CONFIGS[name].__class__()
-        assert config.auxiliary_minibatches == config.epochs * config.minibatches
-
-
 def test_states_are_refused_as_they_have_no_pixels():
     with pytest.raises(ConfigError, match=r"curl reads frames, not .*; observation=rgb shows frames"):
         CURL(CONFIGS["curl"], CURL.make_env(LEVELS, 3, seed=0), 100, 0)
@@ -233,10 +227,7 @@ def test_states_are_refused_as_they_have_no_pixels():
 @pytest.mark.parametrize(
     ("name", "setting", "value", "wanted"),
     [
-        ("curl", "tau", 0.7, "at most 0.5, or 1"),
-        ("curl", "crop", 0.0, "more than 0, and at most 1"),
         ("curl", "auxiliary_minibatches", 19, "half a rollout's frames, 18"),
-        ("curl", "auxiliary_learning_rate", 0.0, "more than 0, or null"),
         ("spr", "horizon", 2, "from 1 to 1"),
         ("spr_original", "horizon", 12, "from 1 to 11"),
         ("spr", "model", "transitoin", "Did you mean 'transition'"),

@@ -126,8 +126,6 @@ def test_states_are_refused_as_they_have_no_pixels():
         ("augmentations", ("crop", "crop"), "each once"),
         ("augmentations", ("crpo",), "Did you mean 'crop'"),
         ("compile", True, "false: torch cannot trace how keypoints are found in augmented frames"),
-        ("invariance_coef", -0.1, "0 or more"),
-        ("ucb_window", 0, "at least 1"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused_by_name(setting, value, wanted):

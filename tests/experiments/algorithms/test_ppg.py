@@ -150,9 +150,7 @@ def test_a_budget_without_a_phase_is_refused():
     [
         ("shared", True, "false: policy and value have networks of their own"),
         ("shared", None, "false"),
-        ("phase", 0, "at least 1"),
         ("auxiliary_minibatches", 129, "at most the 128 pieces of steps_together=1 in a rollout"),
-        ("clone_coef", -1.0, "0 or more"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused_by_name(setting, value, wanted):

@@ -8,8 +8,7 @@ import torch
 from tensordict import TensorDict
 from torchrl.modules import set_recurrent_mode
 
-from experiments.algorithms.recurrent_ppo import RecurrentPolicy, RecurrentPPO
-from experiments.networks.encoders import MLP
+from experiments.algorithms.recurrent_ppo import RecurrentPPO
 from experiments.settings import ConfigError, RecurrentPPOConfig
 from segar import family
 from segar.envs import VectorEnv
@@ -110,14 +109,6 @@ def test_acting_is_stepping_with_a_memory_that_begin_empties():
         np.testing.assert_array_equal(loc.tanh(), action)
     policy.begin(env)
     assert not np.array_equal(policy.act(observations[-1], rng=None), played[0][-1])
-
-
-@pytest.mark.parametrize(("core", "gates"), [("gru", 3), ("lstm", 4)])
-def test_the_core_has_as_many_parameters_as_the_docstring_says(core, gates):
-    assert "3 (GRU) or 4 (LSTM) times w (w + phi + 2)" in RecurrentPolicy.__doc__
-    policy = RecurrentPPO.make_policy(dataclasses.replace(SMALL, core=core), (9,), 2)
-    assert isinstance(policy.encoder, MLP)
-    assert sum(p.numel() for p in policy.core.parameters()) == gates * 8 * (8 + 16 + 2)
 
 
 def test_what_cannot_be_is_refused():

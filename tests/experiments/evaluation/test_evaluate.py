@@ -1,6 +1,5 @@
 """Evaluation of a run folder on any levels: what is played, what is written, what is refused."""
 
-import dataclasses
 import json
 import shutil
 import sys
@@ -14,24 +13,20 @@ import pytest
 import segar
 from experiments.algorithms.checkpoint import read_checkpoint
 from experiments.commands.command_line import run_from_command_line
-from experiments.evaluation.episodes import evaluate_run
-from experiments.evaluation.evaluator import choose_levels, evaluate, label, load_agent, mean_returns
-from experiments.levels.builders import Prepared
-from experiments.runs.run_folder import CHECKPOINT, LEVELS_TRAIN, read_config, read_episodes, read_summary
+from experiments.evaluation.evaluator import choose_levels, evaluate, label, mean_returns
+from experiments.runs.run_folder import CHECKPOINT, read_episodes, read_summary
 from experiments.runs.run_rows import run_rows, score_warnings
 from experiments.settings import (
     CHECKOUT,
     CheckpointError,
     ConfigError,
     EvaluateConfig,
-    EvaluationConfig,
     LevelsConfig,
     ObservationConfig,
     RunFolderError,
 )
 from experiments.training.run import run
 from segar.evaluation import Baselines, find_baselines
-from tests.experiments.evaluation.gusty import WINDY
 from tests.experiments.short_runs import killed_after, short_run
 
 QUICK = {"scores": False, "videos": "none"}
@@ -93,17 +88,6 @@ def test_where_rules_draw_deterministic_actions_are_repeated_like_sampled_ones(l
         returns = np.reshape([row["return"] for row in rows], (4, 2))
         assert (returns.std(axis=0) > 0).all()
         assert found.summary["players"][mode]["return"] == pytest.approx(returns.mean())
-
-
-def test_where_rules_draw_evaluation_plays_the_episodes_of_the_trainings_evaluation(trained_in_gusts):
-    config = read_config(trained_in_gusts)
-    found = evaluate(EvaluateConfig(str(trained_in_gusts), "train", episodes=3, **QUICK), lambda line: None)
-    train = segar.Levels.load(trained_in_gusts / LEVELS_TRAIN, world=WINDY.world)
-    policy, _ = load_agent(trained_in_gusts, config, train, print)
-    more = dataclasses.replace(config, evaluation=EvaluationConfig(episodes=6, distances=()))
-    rows = [row for row in evaluate_run(policy, Prepared(more), train, train) if row["levels"] == "train"]
-    assert len(rows) == 12
-    assert rows == found.episodes
 
 
 PAGE = (CHECKOUT / "docs/how-to/run-experiments.md").read_text()

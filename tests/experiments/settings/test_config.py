@@ -9,7 +9,17 @@ import pytest
 import segar
 from experiments.commands.hydra_app import compose
 from experiments.levels.builders import environment_options, make_levels
-from experiments.settings import ConfigError, PPOConfig, RunConfig, as_data, run_config
+from experiments.settings import (
+    ConfigError,
+    PPOConfig,
+    RunConfig,
+    algorithms,
+    as_data,
+    checks,
+    curricula,
+    run,
+    run_config,
+)
 from segar.envs import VectorEnv
 from segar.errors import PlacementError
 from segar.levels.named_families import TASK_LEVELS
@@ -34,6 +44,24 @@ crowded = segar.LevelDistribution(
     name="crowded",
 )
 """
+
+
+# Types of settings, and a value that each refuses.
+BEYOND = {
+    checks.Count: 0, checks.CountFrom0: -1, checks.Positive: 0.0, checks.PositiveOrNull: 0.0, checks.NotNegative: -1.0,
+    checks.Share: 1.5, checks.Widths: (64, 0), checks.Seed: -1, algorithms.Window: 0.0, algorithms.Tau: 0.0,
+    algorithms.TauOr1: 0.7,
+}  # fmt: skip
+GROUPS = (run.LevelsConfig, run.ScaleConfig, run.EvaluationConfig, run.TrackingConfig, RunConfig)
+
+
+@pytest.mark.parametrize("group", [*algorithms.KINDS.values(), *curricula.CURRICULA.values(), *GROUPS])
+def test_every_number_is_held_within_its_bounds(group):
+    for name, kind in checks.hints_of(group).items():
+        for value in (value for one, value in BEYOND.items() if one == kind):
+            place = checks.path_of(group.group, name)
+            with pytest.raises(ConfigError, match=f"^{place}: .* is not allowed; it must be"):
+                dataclasses.replace(group(), **{name: value})
 
 
 @pytest.fixture
@@ -63,17 +91,13 @@ def own_module(tmp_path, monkeypatch):
         ("levels.count=0", "levels.count: 0 is not allowed; it must be at least 1"),
         ("progress=maybe", "progress: 'maybe' is not true or false"),
         ("algorithm.widths=3", "algorithm.widths: 3 is not a list whose entries are each a whole number"),
-        ("algorithm.widths=[64,0]", "algorithm.widths: [64, 0] is not allowed"),
-        ("algorithm.learning_rate=-1", "algorithm.learning_rate: -1.0 is not allowed; it must be more than 0"),
         ("algorithm.encoder=impla", "algorithm.encoder: 'impla' is unknown. Did you mean 'impala'?"),
-        ("algorithm.num_envs=0", "algorithm.num_envs: 0 is not allowed"),
         ("algorithm.minibatches=2000", "algorithm.minibatches: 2000 is not allowed; it must be at most half the batch"),
         ("algorithm.min_log_std=3", "algorithm.min_log_std: 3.0 is not allowed; it must be less than max_log_std"),
         ("algorithm.kind=crul", "algorithm.kind: 'crul' is unknown. Did you mean 'curl'?"),
         ("evaluation.distances=[exat]", "evaluation.distances[0]: 'exat' is unknown. Did you mean 'exact'?"),
         ("scale.families=[emtpy]", "scale.families[0]: 'emtpy' is unknown. Did you mean 'empty'?"),
         ("tracking.uri=mlruns", "tracking.uri: 'mlruns' is not allowed; it must be an address"),
-        ("seed=-1", "seed: -1 is not allowed"),
         ("seed=99999999999999999999", "seed: 99999999999999999999 is not allowed"),
     ],
 )

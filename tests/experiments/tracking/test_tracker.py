@@ -16,7 +16,7 @@ from filelock import FileLock
 from mlflow.entities import ViewType
 
 from experiments.runs.executed_code import executed_code
-from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, SYNC_STATE, read_metrics, write_rows
+from experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics
 from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
 from experiments.tracking import mlflow_store, mlflow_sync
 from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
@@ -318,16 +318,6 @@ def test_a_server_that_is_never_there_stops_nothing_and_gets_all_by_a_command_la
     assert len(server.points) == len(points(folder))
 
 
-def test_a_run_that_goes_on_sends_what_was_missed_before(tmp_path, server, monkeypatch):
-    config = short_run(tmp_path / "run", tracking=REMOTE)
-    server.up = False
-    with killed_after(2, monkeypatch):
-        run(config)
-    server.up = True
-    folder = run(config).folder
-    assert server.points == points(folder)
-
-
 def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, server):
     server.up = False
     for number in (1, 2):
@@ -352,22 +342,6 @@ def test_another_store_gets_the_whole_run(tmp_path, server):
     server.points = []
     upload(UploadConfig(run=str(folder), uri="http://elsewhere:5000"))
     assert server.points == points(folder)
-
-
-def test_rows_keep_their_order_and_their_types_in_the_folder(tmp_path):
-    write_rows(tmp_path / METRICS, rows(1.0, 2.0), METRIC_SCHEMA)
-    assert points(tmp_path) == [("episode/length", 0, 1.0), ("episode/length", 1, 2.0)]
-
-
-@pytest.mark.parametrize("name", ["100%", "a?b#c", "mit Umläuten"])
-def test_a_root_with_an_odd_name_holds_its_store_and_nothing_lies_outside(tmp_path, name):
-    root = tmp_path / "roots" / name
-    run(short_run(root / "run", root=str(root), tracking=TrackingConfig(interval=0.0)))
-    client, experiment = open_store(TrackingConfig(), root)
-    (one,) = client.search_runs([experiment])
-    assert one.info.status == "FINISHED"
-    assert {file.path for file in client.list_artifacts(one.info.run_id)} == {"summary.json", "episodes.parquet"}
-    assert [path.name for path in (tmp_path / "roots").iterdir()] == [name]
 
 
 def test_a_store_that_another_process_opens_ends_no_run_and_gets_all_when_it_is_free(tmp_path, monkeypatch, capfd):
