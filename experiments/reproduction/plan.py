@@ -351,25 +351,8 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
         " algorithm.anneal lowers the learning rate to 0 in the last one. Give more frames, or algorithm.anneal=false"
     ) if idle else ""  # fmt: skip
     claims = (line for one in plan.experiments for line in untestable_claims(one, plan.members[one.name]))
-    more = (*repetitions(plan), *claims, warning, plan.other_code)
+    more = (*claims, warning, plan.other_code)
     return "\n".join([table(head, rows), closing, *filter(None, more)])
-
-
-def repetitions(plan: ReproductionPlan) -> list[str]:
-    """A sentence about agents that share a level set, if there are any."""
-    agents: dict[tuple[str, ...], set[int]] = {}
-    for run in (work.run for work in plan.runs):
-        levels = run.levels  # the sets of a seed contain each other, and are one
-        level_set = (levels.train, levels.variation, levels.design, str(levels.seed))
-        agents.setdefault((*level_set, digest({**run.identity(), "seed": ""})), set()).add(run.seed)
-    shared = {key: len(seeds) for key, seeds in agents.items() if len(seeds) > 1}
-    if not shared:
-        return []
-    return [
-        f"{len({key[:-1] for key in shared})} level sets are each trained on by {max(shared.values())} agents of a kind:"
-        " intervals are over level sets, so more agents on one set make them no shorter; more level sets do (grid.seeds"
-        " without grid.level_sets)."
-    ]
 
 
 def kind_of(run: RunConfig) -> tuple[str, str]:

@@ -238,14 +238,9 @@ def test_each_seed_is_that_of_an_agent_and_of_its_level_set(tmp_path):
     assert len(runs) == len({run.label() for run in runs}) == 8
 
 
-def test_level_sets_cross_agents_and_the_plan_says_that_they_are_shared(tmp_path):
+def test_level_sets_cross_agents(tmp_path):
     runs = runs_of(tmp_path, level_sets=3)
     assert {(run.seed, run.levels.seed) for run in runs} == {(agent, one) for agent in (0, 1) for one in (0, 1, 2)}
-    data = {"title": "x", "grid": {**GOOD["grid"], "level_sets": 3}}
-    experiment = experiment_at("mine", data, "single")
-    base = compose([f"root={tmp_path}/runs", "observation=state"])
-    text = as_text(make_plan([experiment], base, tmp_path / "results"), measure_speeds(tmp_path), 1, base.scale)
-    assert "6 level sets are each trained on by 2 agents of a kind" in text
 
 
 def test_level_sets_that_are_not_nested_have_seeds_of_their_own(tmp_path):
