@@ -15,10 +15,9 @@ from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
 from experiments.algorithms.ppo import PPO
-from experiments.collection.collector import Rollout, action_size, observation_shape
+from experiments.collection.collector import Rollout, action_size, observation_shape, require_frames
 from experiments.networks.augmentations import random_crop, random_intensity, random_shift
 from experiments.networks.encoders import initialize
-from experiments.settings import ConfigError
 from segar.envs import VectorEnv
 
 M = TypeVar("M", bound=nn.Module)
@@ -28,11 +27,7 @@ class Auxiliary(ABC):
     """The learner, see :class:`experiments.algorithms.learner.Learner`: a PPO, an auxiliary loss, and the optimiser of both."""
 
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
-        shape = observation_shape(env)
-        if len(shape) != 3:
-            raise ConfigError(
-                f"algorithm: {config.name} reads frames, not observations of shape {list(shape)}; observation=rgb shows frames"
-            )
+        require_frames(config.name, observation_shape(env))
         self.config = config
         self.ppo = PPO(config, env, frames, seed)
         self.policy, self.rng = self.ppo.policy, self.ppo.rng

@@ -4,7 +4,6 @@ A run keeps its newest checkpoint and the one before. If the newest one is damag
 is renamed, and the run resumes from the one before.
 """
 
-import hashlib
 import io
 import os
 import pickle
@@ -29,7 +28,6 @@ TRAIN_ANEW = "restart=true trains anew"
 FORM = {
     "config": str,
     "code": {str: str},
-    "architecture": str,
     "frames": int,
     "policy": {str: torch.Tensor},
     "learner": {},
@@ -60,7 +58,6 @@ def save_checkpoint(
         "format": FORMAT,
         "config": config.hash(),
         "code": dict(code),
-        "architecture": architecture(learner.policy),
         "frames": learner.frames,
         "policy": learner.policy.state_dict(),
         "learner": learner.state_dict(),
@@ -191,12 +188,6 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     if wrong:
         raise CheckpointError(f"the checkpoint {path} is damaged or none of ours: {wrong}. {TRAIN_ANEW}")
     return content
-
-
-def architecture(policy: nn.Module) -> str:
-    """Sixteen hexadecimal digits over the names and shapes of all weights."""
-    text = "\n".join(f"{name} {tuple(value.shape)}" for name, value in policy.state_dict().items())
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _link(path: Path, other: Path) -> None:

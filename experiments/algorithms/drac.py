@@ -32,7 +32,7 @@ from torch.distributions import kl_divergence
 from torchrl.objectives import ClipPPOLoss
 
 from experiments.algorithms.ppo import LOGGED, PPO, clipped_loss
-from experiments.collection.collector import Rollout, observation_shape
+from experiments.collection.collector import Rollout, observation_shape, require_frames
 from experiments.networks.augmentations import (
     greyscale,
     random_colour_jitter,
@@ -43,7 +43,7 @@ from experiments.networks.augmentations import (
     random_shift,
 )
 from experiments.networks.policies import SquashedNormal
-from experiments.settings import ConfigError, DrACConfig
+from experiments.settings import DrACConfig
 from segar.envs import VectorEnv
 
 CACHED = 64  # frames that are changed together: so many stay in a processor's cache, which takes half the time
@@ -72,12 +72,7 @@ class DrAC(PPO):
     }
 
     def __init__(self, config: DrACConfig, env: VectorEnv, frames: int, seed: int) -> None:
-        shape = observation_shape(env)
-        if len(shape) != 3:
-            raise ConfigError(
-                f"algorithm: {config.name} augments frames, not observations of shape {list(shape)};"
-                " observation=rgb shows frames"
-            )
+        require_frames(config.name, observation_shape(env))
         super().__init__(config, env, frames, seed)
         # A rollout that was collected ahead comes from the weights before the last update.
         lag = 2 if config.overlap else 1

@@ -25,6 +25,14 @@ def observation_shape(env: VectorEnv) -> tuple[int, ...]:
     return space.shape
 
 
+def require_frames(algorithm: str, shape: tuple[int, ...]) -> None:
+    """Raises :class:`ConfigError` unless observations of this shape are frames."""
+    if len(shape) != 3:
+        raise ConfigError(
+            f"algorithm: {algorithm} reads frames, not observations of shape {list(shape)}; observation=rgb shows frames"
+        )
+
+
 def action_size(env: VectorEnv) -> int:
     """The number of components of an action."""
     shape = env.single_action_space.shape

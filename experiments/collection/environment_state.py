@@ -12,9 +12,17 @@ T = TypeVar("T")
 
 def as_tensors(snapshot: Any) -> dict[str, Any]:
     """A copy of a snapshot (a dataclass of arrays, numbers, dicts and such dataclasses) as nested dicts of tensors."""
-    return tree_map(
-        lambda leaf: torch.from_numpy(leaf) if isinstance(leaf, np.ndarray) else leaf, dataclasses.asdict(snapshot)
-    )
+    return tensors_in(dataclasses.asdict(snapshot))
+
+
+def tensors_in(data: Any) -> Any:
+    """Nested plain data with tensors in place of arrays, which they share their memory with."""
+    return tree_map(lambda leaf: torch.from_numpy(leaf) if isinstance(leaf, np.ndarray) else leaf, data)
+
+
+def arrays_in(data: Any) -> Any:
+    """Nested plain data with copies as arrays in place of tensors."""
+    return tree_map(lambda leaf: leaf.numpy().copy() if isinstance(leaf, torch.Tensor) else leaf, data)
 
 
 def from_tensors(template: T, data: dict[str, Any]) -> T:
@@ -22,9 +30,5 @@ def from_tensors(template: T, data: dict[str, Any]) -> T:
     changes = {}
     for field in dataclasses.fields(template):  # type: ignore[arg-type]
         old, new = getattr(template, field.name), data[field.name]
-        changes[field.name] = from_tensors(old, new) if dataclasses.is_dataclass(old) else tree_map(_as_array, new)
+        changes[field.name] = from_tensors(old, new) if dataclasses.is_dataclass(old) else arrays_in(new)
     return dataclasses.replace(template, **changes)  # type: ignore[type-var]
-
-
-def _as_array(leaf: Any) -> Any:
-    return leaf.numpy().copy() if isinstance(leaf, torch.Tensor) else leaf

@@ -1,15 +1,15 @@
 """The levels of one run while it is trained: environments, curriculum and log together."""
 
+import copy
 from collections.abc import Callable, Mapping
 from itertools import islice
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
-from torch.utils._pytree import tree_map
 
 from experiments.collection.collector import Rollout
+from experiments.collection.environment_state import arrays_in, tensors_in
 from experiments.curricula.curriculum import curriculum_class_of
 from experiments.curricula.episodes import EpisodeSums
 from experiments.curricula.explorer import Explorer
@@ -139,13 +139,11 @@ class TrainingLevels:
         sums = {} if self.sums is None else self.sums.state_dict()
         parts = {"log": self.log.state_dict(), "sums": sums, "explorer": self.explorer.state_dict()}
         counts = {"steps": self.steps, "lines": self.lines}
-        return tree_map(
-            lambda one: torch.from_numpy(one.copy()) if isinstance(one, np.ndarray) else one, parts | counts
-        )
+        return tensors_in(copy.deepcopy(parts | counts))
 
     def load_state_dict(self, state: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
         """Continues from ``state``; ``rows`` are those of the table until then."""
-        plain = tree_map(lambda one: one.numpy().copy() if isinstance(one, Tensor) else one, dict(state))
+        plain = arrays_in(dict(state))
         self.log.load_state_dict(plain["log"], rows)
         if self.sums is not None:
             self.sums.load_state_dict(plain["sums"])

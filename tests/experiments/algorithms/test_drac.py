@@ -115,7 +115,7 @@ def test_changes_are_measured_on_a_share_of_each_minibatch():
 
 
 def test_states_are_refused_as_they_have_no_pixels():
-    with pytest.raises(ConfigError, match=r"drac augments frames, not .*; observation=rgb shows frames"):
+    with pytest.raises(ConfigError, match=r"drac reads frames, not .*; observation=rgb shows frames"):
         learner(observation="state")
 
 
