@@ -40,8 +40,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from experiments.benchmarking.again import again
-from experiments.benchmarking.method import method_of, settings_of
+from experiments.benchmarking.method import again, method_of, settings_of
 from experiments.benchmarking.players import PlayerTask, action_file, make_piece
 from experiments.benchmarking.protocol import ALL, PLAYERS, REFERENCES, piece_name, row_folder, suites_named
 from experiments.benchmarking.row import (

@@ -1,10 +1,12 @@
-"""What the row is of that a command asks for."""
+"""What the row is of that a command asks for, and the settings that make a row anew."""
 
+import dataclasses
 from typing import Any
 
-from experiments.benchmarking.row import Method
+from experiments.benchmarking.protocol import PLAYERS
+from experiments.benchmarking.row import Method, Row
 from experiments.benchmarking.settings import BenchmarkConfig
-from experiments.settings import LevelCount, RunConfig, as_data
+from experiments.settings import LevelCount, RunConfig, as_data, run_config
 
 NOT_OF_METHOD = ("levels", "evaluation", "seed", "frames")  # parts of a run's identity that differ from piece to piece
 SAYS = {
@@ -21,12 +23,12 @@ def method_of(config: BenchmarkConfig) -> Method:
     if config.player:
         kind = "actions" if config.player == "planner" else "player"
         return Method(config.row or config.player, kind, SAYS[config.player])
-    seen = {"observation": {"name": run.observation.name, "options": dict(run.observation.options)}}
     if config.actions:
         return Method(config.row, "actions", "actions of a method that was trained elsewhere")
     if config.policy:
         says = f"{config.policy}, trained elsewhere, on {run.observation.name}"
-        return Method(config.row, "actions", says, "", None, {**seen, "policy": config.policy})
+        seen = {"name": run.observation.name, "options": dict(run.observation.options)}
+        return Method(config.row, "actions", says, "", None, {"observation": seen, "policy": config.policy})
     settings = settings_of(run, config.training_levels)
     curriculum = [] if run.curriculum is None else [run.curriculum.name]
     name = "-".join([run.algorithm.name, *curriculum, run.observation.name, config.budget])
@@ -39,3 +41,23 @@ def settings_of(run: RunConfig, training_levels: LevelCount | None = None) -> di
     data = as_data(run, without_later_defaults=True)
     shared = {key: data.get(key, value) for key, value in run.identity().items() if key not in NOT_OF_METHOD}
     return shared | ({"training_levels": training_levels} if training_levels else {})
+
+
+def again(config: BenchmarkConfig, row: Row) -> list[BenchmarkConfig]:
+    """The settings that make a row anew: of each seed, for the suites that were played with it."""
+    method = row.method
+    data = {key: value for key, value in as_data(config.run).items() if key not in method.settings}
+    data |= {key: value for key, value in method.settings.items() if key != "training_levels"}
+    data |= {"scale": {**data["scale"], "frames": method.frames or data["scale"]["frames"]}}
+    whole = dataclasses.replace(
+        config, seeds=1, row=method.name, budget=method.budget or config.budget,
+        training_levels=method.settings.get("training_levels"), player=method.name if method.name in PLAYERS else "",
+    )  # fmt: skip
+    return [
+        dataclasses.replace(
+            whole,
+            run=run_config({**data, "seed": seed}),
+            suites=tuple(piece.suite for piece in row.pieces if piece.seed == seed),
+        )
+        for seed in sorted({piece.seed for piece in row.pieces})
+    ]
