@@ -48,6 +48,7 @@ from segar.errors import SegarError
 
 ABOUT = b"segar"  # key of the file's metadata: the settings ("asked"), the fingerprint of the code, the seconds
 TRAINED, IDENTITY = "trained", "identity"
+ON_BOTH = (TRAINED, IDENTITY)  # are probed on training and test levels, the others on test levels only
 BOUNDS, READOUTS, KSG = ("jsd", "infonce", "smile"), ("ridge", "mlp"), "ksg"
 REPRESENTATIONS = (TRAINED, "random encoder", "pixel PCA", IDENTITY, "shuffled")
 EVERYTHING = (*BOUNDS, *READOUTS, KSG)
