@@ -47,7 +47,7 @@ SPACE = "search.space"
 
 @dataclass(frozen=True)
 class Dimension:
-    """The values that one setting may take: an interval, or a list of choices."""
+    """The interval from which one setting takes its values."""
 
     low: float | None = None
     high: float | None = None

@@ -3,7 +3,6 @@
 import json
 import shutil
 import sys
-import types
 
 import imageio.v2 as imageio
 import numpy as np
@@ -17,7 +16,6 @@ from experiments.evaluation.evaluator import choose_levels, evaluate, label, mea
 from experiments.runs.run_folder import CHECKPOINT, read_episodes, read_summary
 from experiments.runs.run_rows import run_rows, score_warnings
 from experiments.settings import (
-    CHECKOUT,
     CheckpointError,
     ConfigError,
     EvaluateConfig,
@@ -88,25 +86,6 @@ def test_where_rules_draw_deterministic_actions_are_repeated_like_sampled_ones(l
         returns = np.reshape([row["return"] for row in rows], (4, 2))
         assert (returns.std(axis=0) > 0).all()
         assert found.summary["players"][mode]["return"] == pytest.approx(returns.mean())
-
-
-PAGE = (CHECKOUT / "docs/how-to/run-experiments.md").read_text()
-
-
-@pytest.mark.parametrize(
-    ("program", "prints"),
-    [("play_network", "test-n3-portable True\n"), ("log_probabilities", "(4,) True\ndeterministic: True\n")],
-)
-def test_documented_programs_on_a_run_run_for_levels_with_rules_of_ones_own_too(
-    program, prints, trained_in_gusts, monkeypatch, capsys
-):
-    source = PAGE.partition(f"# my_lab/{program}.py\n")[2].partition("```")[0]
-    first_run = types.ModuleType("my_lab.first_run")
-    first_run.folder = trained_in_gusts  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "my_lab", types.ModuleType("my_lab"))
-    monkeypatch.setitem(sys.modules, "my_lab.first_run", first_run)
-    exec(compile(source, program, "exec"), {})
-    assert prints in capsys.readouterr().out
 
 
 def test_scores_lie_between_chance_and_the_oracle_on_the_same_levels(trained):
@@ -232,13 +211,9 @@ def test_a_folder_that_holds_no_run_or_no_weights_is_refused(tmp_path, trained):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["run=here", "lvels=empty-easy"], "error: no setting is called 'lvels'. Did you mean 'levels'?"),
         ([], "error: run: it has no default; give one as run=..."),
-        (["run"], "error: 'run' is no setting; settings are given as name=value"),
         (["run=here", "modes=[sample]"], "error: modes[0]: 'sample' is unknown. Did you mean 'sampled'?"),
         (["run=here", "videos=avi"], "error: videos: 'avi' is unknown. Known: gif, mp4, none."),
-        (["run=here", "n=0"], "error: n: 0 is not allowed; it must be at least 1"),
-        (["run=here", "levels={a"], "error: levels: '{a' cannot be read: "),
     ],
 )
 def test_the_command_tells_mistakes_in_one_message(monkeypatch, arguments, says):

@@ -195,15 +195,10 @@ NAN, INFINITE = float("nan"), float("inf")
     ("name", "options", "place", "number"),
     [
         ("landing_tasks:limits", {"enough": NAN}, "enough", "nan"),
-        ("landing_tasks:limits", {"enough": -INFINITE}, "enough", "-inf"),
         ("landing_tasks:limits", {"weights": [1.0, NAN]}, "weights.1", "nan"),
         ("landing_tasks:limits", {"weights": {"of": {"bees": INFINITE}}}, "weights.of.bees", "inf"),
         ("landing_tasks:limits", {"other": NAN}, "other", "nan"),
-        ("landing_tasks:landing", {"max_steps": NAN}, "max_steps", "nan"),
         ("puttputt", {"goal_distance": NAN}, "goal_distance", "nan"),
-        ("invisiball", {"goal_speed": NAN}, "goal_speed", "nan"),
-        ("billiards", {"death_penalty": INFINITE}, "death_penalty", "inf"),
-        ("experiments.levels.conditions:conditional_puttputt", {"conditions": NAN}, "conditions", "nan"),
     ],
 )
 def test_numbers_of_task_options_that_are_not_finite_end_a_plan(lab, name, options, place, number):
