@@ -79,17 +79,14 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
 @contextmanager
 def opening(root: Path) -> Iterator[None]:
     """Keeps other processes from opening the store inside the block; raises :class:`StoreBusy` if one takes too long."""
-    lock = FileLock(root / ".mlflow.lock", timeout=LONGEST_OPENING)
     try:
-        lock.acquire()
+        held = FileLock(root / ".mlflow.lock", timeout=LONGEST_OPENING).acquire()
     except Timeout:
         raise StoreBusy(
             f"another process has been opening MLflow's store in {root} for {LONGEST_OPENING:.0f} s"
         ) from None
-    try:
+    with held:
         yield
-    finally:
-        lock.release()
 
 
 def show_views(client: Any, experiment: Any, views: Mapping[str, View] = VIEWS) -> None:
