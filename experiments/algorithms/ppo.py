@@ -38,7 +38,7 @@ from experiments.collection.rewards import ReturnScale, learner_reward
 from experiments.networks.devices import usable_device
 from experiments.networks.encoders import FrameEncoder, initialize, make_encoder
 from experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
-from experiments.settings import ConfigError, PPOConfig, TrainingError
+from experiments.settings import PPOConfig, TrainingError
 from segar.envs import VectorEnv
 from segar.levels import Levels
 
@@ -65,8 +65,6 @@ class PPO:
         self.policy: Any = self.make_policy(config, observation_shape(env), action_size(env))
         self.policy.initialize(self.rng)
         self.policy.to(self.device)
-        if env.runs_on_gpu and config.overlap:
-            raise ConfigError("algorithm.overlap: environments on a GPU do not collect ahead; set it to false")
         collector = DeviceCollector if env.runs_on_gpu else AsyncCollector if config.overlap else Collector
         self.collector: Any = collector(env, self.policy, config.num_steps, self.device, self.joins_trials)
         self.loss = self.make_loss()

@@ -124,6 +124,11 @@ def mean_figures(rows: Sequence[Mapping[str, Any]], levels: str, mode: str) -> d
     return means | of_trials | result_figures(chosen, levels, mode)
 
 
+def figures_in_modes(rows: Sequence[Mapping[str, Any]], levels: str) -> dict[str, float]:
+    """:func:`mean_figures` of both action modes."""
+    return {name: value for mode in ACTION_MODES for name, value in mean_figures(rows, levels, mode).items()}
+
+
 def trial_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Of return and success: the mean of each trial, as ``success_trial_0``, and the gain from the first to the last one with
     its interval of 95 % over levels, as ``adaptation_gain_success`` and that with ``_low`` and ``_high``. Nothing where rows

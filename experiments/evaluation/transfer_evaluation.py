@@ -8,11 +8,11 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from experiments.evaluation.episodes import distance_figures, mean_figures, play_in_modes
+from experiments.evaluation.episodes import distance_figures, figures_in_modes, play_in_modes
 from experiments.evaluation.evaluator import load_agent, options_of, write
 from experiments.evaluation.transfers import Transfer
 from experiments.runs.run_folder import LEVELS_TRAIN, folder_path
-from experiments.settings import ACTION_MODES, RunConfig, as_data
+from experiments.settings import RunConfig, as_data
 from segar.levels import Levels
 
 
@@ -27,10 +27,8 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     policy, frames = load_agent(folder, as_seen, test, say)
     options = options_of(folder, as_seen, transfer.panel if transfer.mixture is None else "train")
     rows = play_in_modes(policy, "test", test, options, run.evaluation.seed)
-    figures: dict[str, float] = {}
-    for mode in ACTION_MODES:
-        figures |= mean_figures(rows, "test", mode)
-    figures |= distance_figures(Levels.load(folder / LEVELS_TRAIN), test, run.evaluation.distances)
+    distances = distance_figures(Levels.load(folder / LEVELS_TRAIN), test, run.evaluation.distances)
+    figures = {**figures_in_modes(rows, "test"), **distances}
     summary = {"transfer": as_data(transfer), "frames": frames, **figures, "code": code}
     write(transfer.folder(run), test, rows, summary)
     say(f"{run.label()}: tested on {transfer.label}, return {figures['evaluation/test/return/deterministic']:.3f}")

@@ -135,12 +135,12 @@ def _carry_out(training: Training, tracker: Tracker, say: Callable[[str], None])
     folder, learner, journal = training.folder, training.learner, training.journal
     config, (train, test) = training.prepared.config, training.prepared.level_sets
     journal.doing = "training"
-    tracker.begin(training.history.rows)
+    tracker.begin(training.rows)
     try:
         training.train()
     except TrainingError:
         with suppress(RunFolderError):  # the figures before the error help to explain it; a resumed run drops them
-            training.history.write(folder)
+            training.write_figures()
         raise
     journal.doing = "evaluation"
     began = time.perf_counter()
@@ -153,13 +153,11 @@ def _carry_out(training: Training, tracker: Tracker, say: Callable[[str], None])
         final |= training.chosen.finish(learner.frames)
         training.write_played()
     evaluation_seconds = time.perf_counter() - began
-    training.history.log(final, learner.frames, training.seconds)
+    training.log(final)
     write_rows(folder / EPISODES, episodes, EPISODE_SCHEMA)
-    training.history.write(folder)
+    training.write_figures()
     took = {"seconds": training.seconds, "evaluation_seconds": evaluation_seconds}
-    played = {
-        row["name"]: row["value"] for row in training.history.rows if row["name"].startswith("played/")
-    }  # the last ones
+    played = {row["name"]: row["value"] for row in training.rows if row["name"].startswith("played/")}  # the last ones
     summary = {"label": config.label(), "frames": learner.frames, **took, **final, **played}
     write_json(folder / SUMMARY, summary)
     training.env.close()

@@ -13,7 +13,7 @@ from experiments.algorithms.learner import Learner
 from experiments.commands.signals import SignalMonitor
 from experiments.curricula.played_log import PLAYED_SCHEMA
 from experiments.curricula.training_levels import TrainingLevels
-from experiments.evaluation.episodes import mean_figures, play_in_modes
+from experiments.evaluation.episodes import figures_in_modes, play_in_modes
 from experiments.levels.builders import Prepared
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import (
@@ -25,23 +25,8 @@ from experiments.runs.run_folder import (
     read_versions,
     write_rows,
 )
-from experiments.settings import ACTION_MODES, CheckpointError, RunConfig, TrainingError
+from experiments.settings import CheckpointError, RunConfig, TrainingError
 from experiments.training.progress import Progress
-
-
-@dataclass
-class History:
-    """The figures of a run so far, as rows of ``metrics.parquet``."""
-
-    rows: list[dict[str, Any]] = field(default_factory=list)
-
-    def log(self, figures: Mapping[str, float], frames: int, seconds: float) -> None:
-        """Adds figures of one moment."""
-        self.rows += [{"name": k, "frames": frames, "seconds": seconds, "value": float(v)} for k, v in figures.items()]
-
-    def write(self, folder: Path) -> None:
-        """Replaces ``metrics.parquet``; raises :class:`RunFolderError`."""
-        write_rows(folder / METRICS, self.rows, METRIC_SCHEMA)
 
 
 @dataclass
@@ -56,7 +41,7 @@ class Training:
     signals: SignalMonitor
     code: Mapping[str, str]  # that the run executes
     chosen: TrainingLevels | None = None  # what chooses the training levels, where something does
-    history: History = field(default_factory=History)
+    rows: list[dict[str, Any]] = field(default_factory=list)  # the figures so far, those of ``metrics.parquet``
     seconds: float = 0.0  # of training, also in processes before this one
 
     @property
@@ -84,7 +69,7 @@ class Training:
             )
         self.seconds = extra["seconds"]
         frames = self.journal.frames = self.learner.frames
-        self.history.rows = [row for row in read_metrics(self.folder).to_pylist() if row["frames"] <= frames]
+        self.rows = [row for row in read_metrics(self.folder).to_pylist() if row["frames"] <= frames]
         if self.chosen is not None:
             played = read_played(self.folder).to_pylist()
             self.chosen.load_state_dict(extra["levels"], [row for row in played if row["frames"] <= frames])
@@ -104,13 +89,13 @@ class Training:
                 began = time.perf_counter()
                 figures = self.chosen.begin(learner)
                 self.seconds += time.perf_counter() - began
-                self.history.log(figures, learner.frames, self.seconds)
+                self.log(figures)
             while learner.frames < total:
                 before = learner.frames
                 figures = self.iterate()
                 progress.update(learner.frames, figures)
                 if _crossed(before, learner.frames, config.evaluation.interval):
-                    self.history.log(self.evaluate(), learner.frames, self.seconds)
+                    self.log(self.evaluate())
                 is_time = time.monotonic() - saved > config.checkpoint_interval
                 if is_time or learner.frames >= total or self.signals.pending:
                     self.save()
@@ -127,7 +112,7 @@ class Training:
         self.seconds += duration
         self.journal.frames = self.learner.frames
         speed = {"speed/frames_per_second": (self.learner.frames - before) / duration}
-        self.history.log({**figures, **speed}, self.learner.frames, self.seconds)
+        self.log({**figures, **speed})
         for name, value in figures.items():
             if not math.isfinite(value):
                 raise TrainingError(
@@ -138,12 +123,21 @@ class Training:
     def save(self) -> None:
         """Writes metrics and checkpoint; raises :class:`RunFolderError`, and :class:`TrainingError` as :meth:`train`."""
         # Metrics first: a resumed run drops rows that are newer than its checkpoint, but cannot restore missing rows.
-        self.history.write(self.folder)
+        self.write_figures()
         extra: dict[str, Any] = {"seconds": self.seconds}
         if self.chosen is not None:
             self.write_played()
             extra["levels"] = self.chosen.state_dict()
         save_checkpoint(self.folder, self.config, self.learner, extra, self.code)
+
+    def log(self, figures: Mapping[str, float]) -> None:
+        """Adds figures of this moment."""
+        moment = {"frames": self.learner.frames, "seconds": self.seconds}
+        self.rows += [{"name": name, **moment, "value": float(value)} for name, value in figures.items()]
+
+    def write_figures(self) -> None:
+        """Replaces ``metrics.parquet``; raises :class:`RunFolderError`."""
+        write_rows(self.folder / METRICS, self.rows, METRIC_SCHEMA)
 
     def write_played(self) -> None:
         """Writes which levels were played, where something chooses them; raises :class:`RunFolderError`."""
@@ -155,11 +149,7 @@ class Training:
         train, test = self.prepared.level_sets
         options = self.prepared.env_options(train=train, which="test")
         seed = self.config.evaluation.seed
-        rows = play_in_modes(self.learner.policy, "test", test, options, seed)
-        figures: dict[str, float] = {}
-        for mode in ACTION_MODES:
-            figures |= mean_figures(rows, "test", mode)
-        return figures
+        return figures_in_modes(play_in_modes(self.learner.policy, "test", test, options, seed), "test")
 
 
 def _crossed(before: int, after: int, interval: int) -> bool:

@@ -112,9 +112,3 @@ def test_a_policy_elsewhere_is_refused():
     refused = r"the policy is on cuda:0 and the environments on cpu; take one of them"
     with pytest.raises(ConfigError, match=refused):
         DeviceCollector(env, None, 1, torch.device("cuda:0"))  # type: ignore[arg-type]
-
-
-def test_collecting_ahead_is_refused():
-    config = dataclasses.replace(KINDS["ppo"][1], overlap=True)
-    with pytest.raises(ConfigError, match=r"algorithm\.overlap"):
-        PPO(config, PPO.make_env(LEVELS, config.num_envs, seed=0, device="cuda"), 1000, 0)
