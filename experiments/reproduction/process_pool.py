@@ -1,8 +1,8 @@
 """Several runs on one machine: a pool of processes with a log for each run.
 
 This module adds three things to :class:`concurrent.futures.ProcessPoolExecutor`. The output of a run goes to its log; a
-process that dies abruptly ends only its own run; and the processes end with this one, even when this one is killed. For
-several machines there are Hydra's launchers.
+process that dies abruptly ends only the runs that are at work; and the processes end with this one, even when this one is
+killed. For several machines there are Hydra's launchers.
 """
 
 import multiprocessing
