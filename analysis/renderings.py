@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from analysis.plotting import style
+from analysis.plotting.figures import METADATA, new_figure
 from experiments.commands.command_line import run_from_command_line
 from experiments.runs.files import replacing
 from segar.language import (
@@ -44,20 +44,17 @@ from segar.observations import Pixels, TexturedPixels
 from segar.textures import TextureSet
 
 RESOLUTION = 128  # pixels per frame: patterns repeat after a few pixels, and should be seen
-ZOOM = 4  # each pixel becomes so many in a row
-MARGIN, TITLE_HEIGHT = 16, 44  # [px]
-DPI = 100
+SIDE = 5.4  # [in] of a frame
 
 Panel = tuple[str, np.ndarray]
 
 
 def run(output: Path = Path("renderings")) -> None:
     """Draws all pictures as PNG files into the folder ``output``."""
-    output.mkdir(parents=True, exist_ok=True)
     for name, panels in {"tasks": tasks(), "features": features(), "feature_variants": variants()}.items():
-        path = output / f"{name}.png"
-        save(side_by_side(panels), path)
-        print(path)
+        with replacing(output / f"{name}.png") as temporary:
+            side_by_side(panels).savefig(temporary, format="png", metadata=METADATA[".png"])
+        print(output / f"{name}.png")
 
 
 def tasks() -> list[Panel]:
@@ -115,25 +112,14 @@ def first_frame(levels: Levels, observation: Any) -> np.ndarray:
 
 
 def side_by_side(panels: Sequence[Panel]) -> Figure:
-    """Frames beside each other under their titles; every pixel of a frame is a square of whole pixels."""
-    frames = [frame.repeat(ZOOM, axis=0).repeat(ZOOM, axis=1) for _, frame in panels]
-    side = len(frames[0])
-    width, height = MARGIN + len(frames) * (side + MARGIN), side + TITLE_HEIGHT + MARGIN
+    """Frames beside each other under their titles."""
     with style.applied():
-        figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-        FigureCanvasAgg(figure)
-        for k, (frame, (title, _)) in enumerate(zip(frames, panels, strict=True)):
-            left = MARGIN + k * (side + MARGIN)
-            figure.figimage(frame, left, MARGIN, origin="upper")
-            middle = (MARGIN + side + TITLE_HEIGHT / 2) / height
-            figure.text((left + side / 2) / width, middle, title, ha="center", va="center", fontsize=14)
+        figure = new_figure(SIDE * len(panels), SIDE + 0.3)
+        for axes, (title, frame) in zip(figure.subplots(1, len(panels)), panels, strict=True):
+            axes.imshow(frame, interpolation="nearest")
+            axes.set_title(title, fontsize=14)
+            axes.set_axis_off()
     return figure
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, pixel by pixel; an existing file is replaced only by a complete one."""
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=DPI, metadata={"Software": None})
 
 
 if __name__ == "__main__":

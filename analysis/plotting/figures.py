@@ -16,7 +16,7 @@ from numpy.polynomial import Polynomial
 from PIL import Image
 
 from analysis.plotting import style
-from analysis.plotting.names import family_name
+from analysis.plotting.names import word_for
 from analysis.stats.correlation import why_not
 from analysis.tables import column, select
 from experiments.runs.files import write_bytes
@@ -92,6 +92,6 @@ def legend_of(table: pd.DataFrame) -> list[Line2D]:
     """Legend entries: a dot per family, a grey marker per difficulty."""
     dot = {"linestyle": "none", "markersize": 7}
     colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
-    families = [Line2D([], [], marker="o", color=c, label=family_name(name), **dot) for name, c in colours.items()]
+    families = [Line2D([], [], marker="o", color=c, label=word_for(name), **dot) for name, c in colours.items()]
     grey = [Line2D([], [], marker=mark, color="#777777", label=name, **dot) for name, mark in markers.items()]
     return families + grey

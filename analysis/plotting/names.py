@@ -1,4 +1,4 @@
-"""Names that a reader knows, for families, algorithms, designs, variations and groups of factors as tables name them."""
+"""Names that a reader knows, for what tables name: families, algorithms, designs, variations, players, groups of factors."""
 
 FAMILIES = {
     "empty": "Empty",
@@ -51,39 +51,15 @@ VARIATIONS = {
 }
 PLAYERS = {"oracle": "planner", "scripted": "script", "floor": "better of idle and random"}
 GROUPS = {"position": "where things are", "properties": "their properties", "rest": "what they are"}
+WORDS = FAMILIES | ALGORITHMS | DESIGNS | VARIATIONS | PLAYERS | GROUPS
 
 
-def family_name(name: object) -> str:
-    """The family in words; its own name where there are none."""
-    return FAMILIES.get(str(name), str(name))
+def word_for(name: object) -> str:
+    """What a table names, in words; its own name where there are none."""
+    return WORDS.get(str(name), str(name))
 
 
 def panel_name(panel: object) -> str:
     """A panel in words, such as ``Hazard tiles, hard``."""
     family, _, difficulty = str(panel).partition("-")
-    return ", ".join(filter(None, (family_name(family), difficulty)))
-
-
-def algorithm_name(name: object) -> str:
-    """The algorithm in words; its own name where there are none."""
-    return ALGORITHMS.get(str(name), str(name))
-
-
-def design_name(name: object) -> str:
-    """The design of training sets in words; its own name where there are none."""
-    return DESIGNS.get(str(name), str(name))
-
-
-def variation_name(name: object) -> str:
-    """The change of physics or of textures in words; its own name where there are none."""
-    return VARIATIONS.get(str(name), str(name))
-
-
-def player_name(name: object) -> str:
-    """The player without training in words; its own name where there are none."""
-    return PLAYERS.get(str(name), str(name))
-
-
-def group_name(name: object) -> str:
-    """The group of factors in words; its own name where there are none."""
-    return GROUPS.get(str(name), str(name))
+    return ", ".join(filter(None, (word_for(family), difficulty)))

@@ -17,6 +17,7 @@ from experiments.levels.builders import distribution_of
 from experiments.runs.run_folder import read_config
 from segar.envs import VectorEnv, play
 from segar.errors import LevelError
+from segar.evaluation import Random
 from segar.language import Factor, GlobalFriction
 from segar.levels import Levels
 from segar.metrics import component, relevant_factors
@@ -161,21 +162,6 @@ def read_columns(env: VectorEnv, columns: Sequence[Column]) -> Floats:
     return out
 
 
-class _Scout:
-    """The policy that acts uniformly at random, with the draws of torch."""
-
-    def __init__(self, seed: int) -> None:
-        self.rng = torch.Generator().manual_seed(seed)
-
-    def begin(self, env: VectorEnv) -> None:
-        """Episodes start in ``env``."""
-        self.low, self.high = (torch.from_numpy(bound) for bound in (env.action_space.low, env.action_space.high))  # type: ignore[attr-defined]
-
-    def __call__(self, observation: Any) -> np.ndarray:
-        """Actions float32 ``(n, action size)``."""
-        return torch.lerp(self.low, self.high, torch.rand(self.low.shape, generator=self.rng)).numpy()
-
-
 def varying_columns(distribution: Any, options: Mapping[str, Any] | None = None) -> tuple[Column, ...]:
     """Every factor, type and world parameter that varies under a level distribution: the same set for any sample of it.
 
@@ -186,7 +172,7 @@ def varying_columns(distribution: Any, options: Mapping[str, Any] | None = None)
     levels = distribution.sample(SCOUTS, seed=SCOUT_SEED, split="train")
     known = all_columns(distribution, levels)
     options = {**(options or {}), "observation": "state"}
-    found = collect(_Scout(SCOUT_SEED), levels, known, options, frames=SCOUTS * SCOUT_STEPS, num_envs=SCOUTS)
+    found = collect(Random(SCOUT_SEED), levels, known, options, frames=SCOUTS * SCOUT_STEPS, num_envs=SCOUTS)
     varied = []
     for k, column in enumerate(known):
         x = found.factors[:, k]

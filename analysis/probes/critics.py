@@ -23,15 +23,9 @@ class CriticSettings:
     embedding: int = 16
 
 
-@dataclass(frozen=True)
-class PaperSettings:
-    """The critic of the 2022 code, and how it learnt: a dense layer on phi and z in one row."""
-
-    epochs: int = 15
-    batch: int = 64  # what is left over at the end of an epoch is dropped
-    learning_rate: float = 3e-4
-    width: int = 512
-    dropout: float = 0.1
+# Of the critic of the 2022 code, and how it learnt: a dense layer on phi and z in one row.
+PAPER_EPOCHS, PAPER_BATCH = 15, 64  # what is left over at the end of an epoch is dropped
+PAPER_LEARNING_RATE, PAPER_WIDTH, PAPER_DROPOUT = 3e-4, 512, 0.1
 
 
 class DistanceCritics(nn.Module):
@@ -100,16 +94,15 @@ class Embedding(nn.Module):
 class PaperCritic(nn.Module):
     """dropout, dense 512, batch norm, ReLU, dropout, dense 1, no biases, on phi and z in one row; one score per row."""
 
-    def __init__(self, x_size: int, z_size: int, settings: PaperSettings) -> None:
+    def __init__(self, x_size: int, z_size: int) -> None:
         super().__init__()
-        width = settings.width
         self.layers = nn.Sequential(
-            nn.Dropout(settings.dropout),
-            nn.Linear(x_size + z_size, width, bias=False),
-            nn.BatchNorm1d(width),
+            nn.Dropout(PAPER_DROPOUT),
+            nn.Linear(x_size + z_size, PAPER_WIDTH, bias=False),
+            nn.BatchNorm1d(PAPER_WIDTH),
             nn.ReLU(),
-            nn.Dropout(settings.dropout),
-            nn.Linear(width, 1, bias=False),
+            nn.Dropout(PAPER_DROPOUT),
+            nn.Linear(PAPER_WIDTH, 1, bias=False),
         )
 
     def forward(self, x: Tensor, z: Tensor) -> Tensor:
@@ -189,7 +182,6 @@ def train_paper_critic(
     x: Tensor,
     z: Tensor,
     shuffle: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]],
-    settings: PaperSettings,
     rng: torch.Generator,
 ) -> PaperCritic:
     """The critic of 2022, trained on pairs and on what ``shuffle`` makes of them.
@@ -197,16 +189,16 @@ def train_paper_critic(
     Raises:
         SegarError: there are fewer pairs than a batch. The 2022 code dropped such runs without a word.
     """
-    if len(x) < settings.batch:
-        raise SegarError(f"{len(x)} pairs are fewer than a batch of {settings.batch}; collect more frames")
-    critic = PaperCritic(x.shape[1], z.shape[1], settings)
+    if len(x) < PAPER_BATCH:
+        raise SegarError(f"{len(x)} pairs are fewer than a batch of {PAPER_BATCH}; collect more frames")
+    critic = PaperCritic(x.shape[1], z.shape[1])
     draw_weights(critic, rng)
-    optimizer = torch.optim.Adam(critic.parameters(), settings.learning_rate, fused=True)
+    optimizer = torch.optim.Adam(critic.parameters(), PAPER_LEARNING_RATE, fused=True)
     with torch.random.fork_rng([]):
         torch.manual_seed(int(torch.randint(2**31, (), generator=rng)))  # dropout reads no other generator
-        for _ in range(settings.epochs):
+        for _ in range(PAPER_EPOCHS):
             order = torch.randperm(len(x), generator=rng)
-            for rows in order[: len(x) // settings.batch * settings.batch].split(settings.batch):
+            for rows in order[: len(x) // PAPER_BATCH * PAPER_BATCH].split(PAPER_BATCH):
                 joint, marginal = critic(x[rows], z[rows]), critic(*shuffle(x[rows], z[rows]))
                 loss = F.softplus(-joint).mean() + F.softplus(marginal).mean()
                 optimizer.zero_grad()

@@ -11,7 +11,6 @@ from torch import Tensor
 
 from analysis.probes.critics import (
     CriticSettings,
-    PaperSettings,
     infonce_value,
     jsd_value,
     marginal_pairs,
@@ -26,6 +25,7 @@ from analysis.tables import Ints
 from segar.errors import SegarError, did_you_mean
 
 Marginal = Literal["joint", "paper"]
+Split = tuple[Tensor, Tensor]  # rows to fit on, rows held out
 Bound = Literal["jsd", "infonce", "smile"]
 CHANCE = 0.5
 REPLICATES = 5
@@ -50,7 +50,6 @@ def mine_accuracy(
     marginal: Marginal = "joint",
     *,
     episode: Any = None,
-    folds: int = FOLDS,
 ) -> float:
     """How well a critic tells pairs (phi, z) that belong together from pairs that do not, from 0 to 1; 0.5 is chance.
 
@@ -68,18 +67,20 @@ def mine_accuracy(
     Raises:
         SegarError: nothing varies, or there are too few pairs or episodes.
     """
+    require(marginal, Marginal, "marginal")
     x, z, group = _prepared(representation, factors, episode)
-    return _scores(x, z, group, rng, marginal, ("jsd",), 1, folds, None)["jsd"][0].accuracy
+    splits = _splits(group, 1, rng)
+    if marginal == "paper":
+        return float(np.mean([_paper_fold(x, z, *split, torch_rng(rng)) for split in splits]))
+    return _scores(x, z, group, splits, ("jsd",), CriticSettings(), rng)["jsd"][0].accuracy
 
 
 def estimate_bounds(
     pairs: Pairs,
     rng: np.random.Generator,
     bounds: Sequence[Bound],
-    marginal: Marginal = "joint",
     replicates: int = REPLICATES,
-    folds: int = FOLDS,
-    settings: CriticSettings | PaperSettings | None = None,
+    settings: CriticSettings | None = None,
 ) -> dict[str, tuple[Estimate, Estimate]]:
     """Accuracy and value [nats] of bounds on the information between phi and all factors, means of replicates.
 
@@ -90,14 +91,16 @@ def estimate_bounds(
     Args:
         bounds: "jsd" (MINE's, at most 2 log 2 nats), "infonce" (at most log 256 nats), "smile" (clip 5). "jsd" and
             "smile" are read off the same critics, which are trained as those of "jsd", as the authors of SMILE do.
-        marginal: see :func:`mine_accuracy`; "paper" knows "jsd" alone.
 
     Raises:
         SegarError: as :func:`mine_accuracy`, or an argument is unknown.
     """
+    for bound in bounds:
+        require(bound, Bound, "bound")
     x, z, group = _prepared(pairs.representation, pairs.factors, pairs.episode, pairs)
     found = {}
-    for bound, scores in _scores(x, z, group, rng, marginal, bounds, replicates, folds, settings).items():
+    splits = _splits(group, replicates, rng)
+    for bound, scores in _scores(x, z, group, splits, bounds, settings or CriticSettings(), rng).items():
         accuracy = mean_of_replicates([one.accuracy for one in scores], CHANCE)
         if bound == "infonce":
             accuracy = Estimate.missing(replicates, "InfoNCE does not care where the zero of T lies")
@@ -105,9 +108,7 @@ def estimate_bounds(
     return found
 
 
-def mine_of_2022(
-    train: Pairs, test: Pairs, rng: np.random.Generator, *, settings: PaperSettings | None = None, joint: bool = False
-) -> tuple[float, float]:
+def mine_of_2022(train: Pairs, test: Pairs, rng: np.random.Generator, *, joint: bool = False) -> tuple[float, float]:
     """Accuracies as the paper plots them: (on the very pairs that the critic was fitted on, on those of test levels).
 
     Nothing is standardised, what is missing is -1000, and only those columns of z remain that vary among the training
@@ -128,7 +129,7 @@ def mine_of_2022(
         )
         for pairs in (train, test)
     ]
-    critic = train_paper_critic(*sets[0], shuffle, settings or PaperSettings(), generator)
+    critic = train_paper_critic(*sets[0], shuffle, generator)
     with torch.no_grad():
         first, second = (_accuracy_of_rows(critic(x, z), critic(*shuffle(x, z))) for x, z in sets)
     return first, second
@@ -151,55 +152,46 @@ def _prepared(
     return torch.from_numpy(standardised_representation(x)), torch.from_numpy(seen), group
 
 
+def require(name: str, known: Any, what: str) -> None:
+    """Raises :class:`SegarError` unless a literal type has this value."""
+    if name not in get_args(known):
+        raise SegarError(f"{what} '{name}' is unknown.{did_you_mean(name, get_args(known))}")
+
+
+def _splits(group: Ints, replicates: int, rng: np.random.Generator) -> list[Split]:
+    """The folds of all replicates, one after the other."""
+    whole = torch.arange(len(group))
+    parts = [torch.from_numpy(part) for _ in range(replicates) for part in episode_folds(group, FOLDS, rng)]
+    return [(whole[~torch.isin(whole, held_out)], held_out) for held_out in parts]
+
+
 def _scores(
     x: Tensor,
     z: Tensor,
     group: Ints,
-    rng: np.random.Generator,
-    marginal: str,
+    splits: Sequence[Split],
     bounds: Sequence[str],
-    replicates: int,
-    folds: int,
-    settings: CriticSettings | PaperSettings | None,
+    settings: CriticSettings,
+    rng: np.random.Generator,
 ) -> dict[str, list[Score]]:
-    """Of each bound, each replicate's mean over folds."""
-    for what, names, known in (("marginal", (marginal,), Marginal), ("bound", bounds, Bound)):
-        for name in names:
-            if name not in get_args(known):
-                raise SegarError(f"{what} '{name}' is unknown.{did_you_mean(name, get_args(known))}")
-    if marginal == "paper" and {*bounds} != {"jsd"}:
-        raise SegarError(f"bound '{bounds[0]}' needs marginal='joint'; the paper's critic knows 'jsd' alone")
-    wanted = PaperSettings if marginal == "paper" else CriticSettings
-    if settings is not None and not isinstance(settings, wanted):
-        raise SegarError(f"marginal='{marginal}' takes {wanted.__name__}, not {type(settings).__name__}")
-    parts = [torch.from_numpy(p) for _ in range(replicates) for p in episode_folds(group, folds, rng)]
-    whole = torch.arange(len(x))
-    splits = [(whole[~torch.isin(whole, held_out)], held_out) for held_out in parts]
-    if isinstance(settings or wanted(), PaperSettings):
-        found = {"jsd": [_paper_fold(x, z, *split, torch_rng(rng), settings or wanted()) for split in splits]}
-    else:
-        found = _joint_folds(x, z, torch.from_numpy(group), splits, bounds, settings or wanted(), rng)
-    return {bound: _means(scores, folds) for bound, scores in found.items()}
-
-
-def _means(scores: list[Score], size: int) -> list[Score]:
-    """Means of each ``size`` scores that follow each other."""
-    groups = [scores[i : i + size] for i in range(0, len(scores), size)]
-    return [Score(*(float(np.mean([getattr(s, n) for s in g])) for n in ("accuracy", "value"))) for g in groups]
-
-
-def _joint_folds(x, z, group, splits, bounds, settings, rng) -> dict[str, list[Score]]:
-    """The scores of each split (rows to fit on, rows held out); all critics of an objective learn side by side."""
+    """Of each bound, each replicate's mean over folds; all critics of an objective learn side by side."""
     values = {"jsd": jsd_value, "infonce": infonce_value, "smile": partial(smile_value, clip=SMILE_CLIP)}
     found = {}
     for objective in (jsd_value, infonce_value):
         wanted = {b: values[b] for b in bounds if (b == "infonce") == (objective is infonce_value)}
         if wanted:
-            generator = torch_rng(rng)
-            fitted = [rest for rest, _ in splits]
-            critics = train_distance_critics(x, z, group, fitted, objective, settings, generator)
-            found |= _held_out(critics, x, z, group, [rows for _, rows in splits], wanted, generator)
-    return {bound: found[bound] for bound in bounds}
+            generator, episodes = torch_rng(rng), torch.from_numpy(group)
+            critics = train_distance_critics(
+                x, z, episodes, [rest for rest, _ in splits], objective, settings, generator
+            )
+            found |= _held_out(critics, x, z, episodes, [rows for _, rows in splits], wanted, generator)
+    return {bound: _means(found[bound]) for bound in bounds}
+
+
+def _means(scores: list[Score]) -> list[Score]:
+    """The mean over the folds of each replicate."""
+    replicates = np.array([(one.accuracy, one.value) for one in scores]).reshape(-1, FOLDS, 2).mean(axis=1)
+    return [Score(*map(float, one)) for one in replicates]
 
 
 @torch.no_grad()
@@ -221,15 +213,12 @@ def _held_out(critics, x, z, group, sets, values, rng) -> dict[str, list[Score]]
     }
 
 
-def _paper_fold(x, z, rest, held_out, rng, settings) -> Score:
+def _paper_fold(x: Tensor, z: Tensor, rest: Tensor, held_out: Tensor, rng: torch.Generator) -> float:
+    """The accuracy of the critic of 2022 on pairs that it was not fitted on."""
     shuffle = partial(_shuffled_columns, rng=rng)
-    critic = train_paper_critic(x[rest], z[rest], shuffle, settings, rng)
-    x, z = x[held_out], z[held_out]
+    critic = train_paper_critic(x[rest], z[rest], shuffle, rng)
     with torch.no_grad():
-        joint, other = critic(x, z), critic(*shuffle(x, z))
-        softplus = torch.nn.functional.softplus
-        value = 2 * np.log(2) - softplus(-joint).mean() - softplus(other).mean()
-    return Score(_accuracy_of_rows(joint, other), float(value))
+        return _accuracy_of_rows(critic(x[held_out], z[held_out]), critic(*shuffle(x[held_out], z[held_out])))
 
 
 def _accuracy_of_rows(joint: Tensor, marginal: Tensor) -> float:

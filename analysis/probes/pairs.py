@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.tables import Floats, Ints
-from segar.errors import LevelError, did_you_mean
+from segar.errors import LevelError
 from segar.noise import Noise
 
 BATCH = 512  # observations that are represented at once
@@ -70,13 +70,6 @@ class Pairs:
         chosen = list(columns)
         return replace(self, factors=self.factors[:, chosen], columns=tuple(self.columns[k] for k in chosen))
 
-    def place(self, name: str) -> int:
-        """The place of a column; raises :class:`LevelError` if there is none of that name."""
-        names = [column.name for column in self.columns]
-        if name not in names:
-            raise LevelError(f"no factor is called '{name}'.{did_you_mean(name, names)}")
-        return names.index(name)
-
     def with_representation(self, representation: Any) -> Pairs:
         """The same frames, represented otherwise; ``[N, d]``."""
         return replace(self, representation=np.asarray(representation, np.float32))
@@ -101,18 +94,11 @@ class Frames:
     def __len__(self) -> int:
         return len(self.factors)
 
-    def pairs(self, represent: Callable[[NDArray[Any]], NDArray[Any]], alignment: str = "same") -> Pairs:
-        """What ``represent`` makes of the observations ``[n, ...]``, beside the factors.
-
-        Args:
-            alignment: "same": factors of the state that was observed; "late": of the next one, as in 2022.
-        """
-        if alignment not in ("same", "late"):
-            raise LevelError(f"alignment must be 'same' or 'late', not '{alignment}'")
+    def pairs(self, represent: Callable[[NDArray[Any]], NDArray[Any]]) -> Pairs:
+        """What ``represent`` makes of the observations ``[n, ...]``, beside the factors of the states that were observed."""
         parts = [represent(self.observation[i : i + BATCH]) for i in range(0, len(self), BATCH)]
         phi = np.concatenate([np.asarray(part, np.float32).reshape(len(part), -1) for part in parts])
-        factors = self.factors if alignment == "same" else self.late
-        return Pairs(phi, factors, self.columns, self.episode, self.level, self.step)
+        return Pairs(phi, self.factors, self.columns, self.episode, self.level, self.step)
 
 
 def episode_folds(episode: Ints, folds: int, rng: np.random.Generator) -> list[Ints]:

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 import pandas as pd
 import torch
-from sklearn.utils.extmath import randomized_svd
+from sklearn.decomposition import PCA
 
 from analysis.probes.collection import PAPER_FACTORS, collect_run
 from analysis.probes.critics import CriticSettings
@@ -129,11 +129,8 @@ def components(frames: Frames, rng: np.random.Generator) -> Pairs:
     some = rng.permutation(len(pairs))[:FITTED_ON]
     size = min(COMPONENTS, len(some), pairs.representation.shape[1])
     start = int(rng.integers(2**31))
-    sample = pairs.representation[some]
-    middle = sample.mean(axis=0)
-    decomposed = randomized_svd(sample - middle, size, n_iter=POWER_ITERATIONS, random_state=start)  # type: ignore[arg-type]
-    directions = decomposed[2]
-    return pairs.with_representation((pairs.representation - middle) @ directions.T)
+    model = PCA(size, svd_solver="randomized", iterated_power=POWER_ITERATIONS, random_state=start)
+    return pairs.with_representation(model.fit(pairs.representation[some]).transform(pairs.representation))
 
 
 def flat(observation: Any) -> Any:

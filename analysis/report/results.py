@@ -14,7 +14,7 @@ import pandas as pd
 
 from analysis.collect import CURVES, MISSING
 from analysis.plotting import style
-from analysis.plotting.names import variation_name
+from analysis.plotting.names import word_for
 from analysis.report.rules import GATE_MARGIN
 from analysis.stats.association import labels
 from analysis.tables import Floats, column, keep, select
@@ -257,7 +257,7 @@ def texture(look: object) -> str:
 
 def shifts_in_words(table: pd.DataFrame, tested: str) -> pd.DataFrame:
     """The table with the names of variations in words, in ``trained`` and in the column ``tested``."""
-    return table.assign(**{name: table[name].map(variation_name) for name in ("trained", tested)})
+    return table.assign(**{name: table[name].map(word_for) for name in ("trained", tested)})
 
 
 def with_panel(table: pd.DataFrame) -> pd.DataFrame:

@@ -1,35 +1,19 @@
-"""The paper's pictures, redrawn: whole pixels, and the panels that they should have."""
+"""The paper's pictures, redrawn: the panels that they should have, and the looks that they should show."""
 
 import matplotlib.image
 import numpy as np
-import pytest
 
 from analysis import renderings
-from analysis.renderings import MARGIN, RESOLUTION, TITLE_HEIGHT, ZOOM
 
 
-@pytest.fixture(scope="module")
-def pictures(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("renderings")
-    renderings.run(folder / "new")
-    return {path.stem: matplotlib.image.imread(path) for path in (folder / "new").iterdir()}
-
-
-def test_one_call_draws_all_pictures(pictures):
-    assert {name: picture.shape[1] // (RESOLUTION * ZOOM) for name, picture in pictures.items()} == {
+def test_one_call_draws_all_pictures(tmp_path):
+    renderings.run(tmp_path / "new")
+    shapes = {path.stem: matplotlib.image.imread(path).shape for path in (tmp_path / "new").iterdir()}
+    assert {name: round(width / height) for name, (height, width, _) in shapes.items()} == {
         "tasks": 2,
         "features": 2,
         "feature_variants": 3,
     }
-
-
-@pytest.mark.parametrize("name", ["tasks", "features"])
-def test_every_pixel_of_a_frame_becomes_a_square(pictures, name):
-    picture = np.rint(pictures[name][..., :3] * 255).astype(np.uint8)
-    for k, (_, frame) in enumerate(getattr(renderings, name)()):
-        left = MARGIN + k * (RESOLUTION * ZOOM + MARGIN)
-        shown = picture[TITLE_HEIGHT : TITLE_HEIGHT + RESOLUTION * ZOOM, left : left + RESOLUTION * ZOOM]
-        np.testing.assert_array_equal(shown, frame.repeat(ZOOM, axis=0).repeat(ZOOM, axis=1))
 
 
 def test_variants_show_the_same_things_in_other_looks():

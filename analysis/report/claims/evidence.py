@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import rankdata
 
-from analysis.plotting.names import family_name
+from analysis.plotting.names import word_for
 from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
 from analysis.report.rules import LEAST_BLOCKS
 from analysis.stats.association import associations, covariate_matrix, kept, labels
@@ -179,7 +179,7 @@ class Evidence:
         yield "as judged: runs that learned", self, self.main, False
         yield "all runs", self.ungated, self.ungated.main, False
         for family in dict.fromkeys(self.main["family"]):
-            yield f"without {family_name(family)}", self, keep(self.main, self.main["family"] != family), False
+            yield f"without {word_for(family)}", self, keep(self.main, self.main["family"] != family), False
         yield "without runs with one training level", self, keep(self.main, self.main["n"] > 1), False
         for change, rule in OUTLIERS.items():
             rows = kept(self.main, x, y, labels(self.main, PANEL), rule) if len(self.main) else []

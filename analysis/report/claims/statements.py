@@ -10,7 +10,7 @@ import pandas as pd
 import yaml
 
 from analysis.plotting import style
-from analysis.plotting.names import algorithm_name, family_name, panel_name
+from analysis.plotting.names import panel_name, word_for
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Finding
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.tests import StatedTest, finding_of
@@ -29,7 +29,7 @@ METRICS: Mapping[str, Mapping[str, str]] = {
 }  # fmt: skip
 ALL = "all"  # of the values of a column
 # How values stand in the words of a test.
-NAMES: Mapping[str, Callable[[str], str]] = {"family": family_name, "panel": panel_name, "auxiliary": algorithm_name}
+NAMES: Mapping[str, Callable[[str], str]] = {"family": word_for, "panel": panel_name, "auxiliary": word_for}
 
 
 def tested(evidence: Evidence, rows: pd.DataFrame, name: str, **changes: Any) -> list[Finding]:

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import family_name
+from analysis.plotting.names import word_for
 from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Claim, Finding
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.rows import PAPER_AGENT, SAC
@@ -28,7 +28,7 @@ PLANNED_SEEDS = 5  # of SAC, see rules.yaml
 def left_out(everything: pd.DataFrame, learned: pd.DataFrame) -> str:
     """The runs that did not learn, by family: ``5 of Tiles of 2022``; "" where all did."""
     which = Counter(everything["family"]) - Counter(learned["family"])
-    return ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
+    return ", ".join(f"{count} of {word_for(family)}" for family, count in which.items())
 
 
 def agents_that_learned(evidence: Evidence, runs: pd.DataFrame) -> str:

@@ -5,14 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import (
-    algorithm_name,
-    design_name,
-    family_name,
-    group_name,
-    panel_name,
-    player_name,
-)
+from analysis.plotting.names import panel_name, word_for
 from analysis.report.captions import TABLES
 from analysis.report.claims.claim import METRIC_OURS
 from analysis.report.claims.evidence import DISTANCES, Evidence, pearson
@@ -45,7 +38,7 @@ def designs(evidence: Evidence) -> list[Block]:
     runs = evidence.results.of("fixed_n")
     if count_of(runs, "design") < 2:
         return []
-    found = means(evidence, runs.assign(design=[design_name(one) for one in runs["design"]]), ["design"], "gap")
+    found = means(evidence, runs.assign(design=[word_for(one) for one in runs["design"]]), ["design"], "gap")
     return [means_table(found, {"design": "design"}, "gap", TABLES["gap"])]
 
 
@@ -63,7 +56,7 @@ def compared(evidence: Evidence) -> list[Block]:
         if improvement.low == improvement.high:  # every run of one is above every run of the other: nothing to resample
             improvement = Estimate(improvement.estimate, np.nan, np.nan, improvement.n)
         rows.append([
-            COMPARED[experiment], algorithm_name(algorithm), f"{iqm.n}",
+            COMPARED[experiment], word_for(algorithm), f"{iqm.n}",
             *(text for one in (iqm, success, regret, improvement) for text in effect(one, plain)),
             p_value(improvement.p),
         ])  # fmt: skip
@@ -88,7 +81,7 @@ def matched(evidence: Evidence) -> list[Block]:
     runs = evidence.results.of("matched_sets")
     if count_of(runs, "design") < 2:
         return []
-    named = runs.assign(sets=[design_name(one) for one in runs["design"]])
+    named = runs.assign(sets=[word_for(one) for one in runs["design"]])
     parts = [means_table(means(evidence, named, ["sets"], "gap_success"), {"sets": "training sets"}, "gap in success",
                          TABLES["gap"])]  # fmt: skip
     return [*parts, contrasts(evidence, runs), predictions(evidence, runs)]
@@ -101,7 +94,7 @@ def contrasts(evidence: Evidence, runs: pd.DataFrame) -> Table:
     for claim, words in compared.items():
         (test,) = stated(claim, METRIC_OURS, runs)
         for n, part in differences(runs, test.of, test.between, test.same).groupby("n", sort=True):
-            of_family = {family_name(name): select(part, family=name) for name in dict.fromkeys(part["family"])}
+            of_family = {word_for(name): select(part, family=name) for name in dict.fromkeys(part["family"])}
             for place, some in {"all": part, **of_family}.items():
                 found = evidence.mean(some)
                 rows.append([words, f"{n}", place, *effect(found), p_value(found.p), f"{found.n:.0f}"])
@@ -161,7 +154,7 @@ def attributed(evidence: Evidence) -> list[Block]:
     if table.empty:
         return []
     shown = table.assign(levels=table["n"].astype(str))
-    shown = shown.assign(family=shown["family"].map(family_name), group=shown["group"].map(group_name))
+    shown = shown.assign(family=shown["family"].map(word_for), group=shown["group"].map(word_for))
     found = means(evidence, shown, ["family", "levels", "group"], "part")
     sentences = []
     for family in dict.fromkeys(found["family"]):
@@ -239,7 +232,7 @@ def baselines(evidence: Evidence) -> list[Block]:
     for panel, part in with_panel(table).groupby("panel", sort=False):
         found = {r["player"]: [plain(r["return"], 1), plain(r["success"])] for r in part.to_dict("records")}
         rows.append([panel_name(panel), *(cell for player in players for cell in found.get(player, ["", ""]))])
-    head = ["panel", *(text for player in players for text in (f"{player_name(player)}, return", "success"))]
+    head = ["panel", *(text for player in players for text in (f"{word_for(player)}, return", "success"))]
     return [Table(head, rows, 1, TABLES["players"])]
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import algorithm_name, family_name
+from analysis.plotting.names import word_for
 from analysis.report.captions import TABLES
 from analysis.report.claims import verdicts
 from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim
@@ -254,7 +254,7 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
         return []
     main = evidence.ungated.main
     ours = {
-        "agent": ", ".join(algorithm_name(name) for name in sorted(set(main["algorithm"])))
+        "agent": ", ".join(word_for(name) for name in sorted(set(main["algorithm"])))
         + f" ({listed(main['algorithm'])})",
         "encoder": encoder_of(main),
         "gamma": stated(main, "algorithm.gamma"),
@@ -278,7 +278,7 @@ def seeds_by_family(main: pd.DataFrame) -> str:
     """How many seeds the families have; of those that have fewer than others, which."""
     counts = {family: count_of(part, "seed") for family, part in main.groupby("family", sort=False)}
     most = max(counts.values())
-    fewer = [f"{count} in {family_name(family)}" for family, count in counts.items() if count < most]
+    fewer = [f"{count} in {word_for(family)}" for family, count in counts.items() if count < most]
     return ", ".join([f"{most}", *fewer])
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import family_name, panel_name
+from analysis.plotting.names import panel_name, word_for
 from analysis.report.captions import TABLES
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence
@@ -66,7 +66,7 @@ def cell_table(main: pd.DataFrame) -> Table:
     table = cells(main)
     shown = [(name, head) for name, head in zip(CELL_COLUMNS, CELL_HEAD, strict=True) if name in table]
     rows = [
-        [family_name(r["family"]), r["difficulty"], str(r["n"]), str(r["seeds"]),
+        [word_for(r["family"]), r["difficulty"], str(r["n"]), str(r["seeds"]),
          *(cell(r[name], name) for name, _ in shown)]
         for r in table.to_dict("records")
     ]  # fmt: skip

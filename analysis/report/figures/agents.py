@@ -8,7 +8,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_line, new_figure
-from analysis.plotting.names import algorithm_name, panel_name
+from analysis.plotting.names import panel_name, word_for
 from analysis.report.captions import FIGURES
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import Evidence
@@ -82,12 +82,12 @@ def figure_5a(evidence: Evidence) -> Drawn | str:
     algorithms = sorted(set(runs["algorithm"]))
     if probed.empty:
         table = pick(runs, [*CELL, "algorithm", "gap"])
-        named = table.assign(algorithm=[algorithm_name(name) for name in table["algorithm"]])
+        named = table.assign(algorithm=[word_for(name) for name in table["algorithm"]])
         return Drawn(dots(named, "algorithm", "gap", SHORT_GAP), table, FIGURES["figure_5a_without_probes"])
     table = pick(probed, [*CELL, "algorithm", "probe", *ACCURACIES, "gap", "gap_2022"])
     parts = [
         [
-            (f"{algorithm_name(name)}, {key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key])
+            (f"{word_for(name)}, {key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key])
             for key in (METRIC_2022, METRIC_OURS)
         ]
         for name in algorithms
@@ -138,7 +138,7 @@ def appendix_sac(evidence: Evidence) -> Drawn | str:
     for axes, panel in zip(grid, panels, strict=False):
         for algorithm, line in zip(sorted(set(named["algorithm"])), ("-", ":"), strict=False):
             part = select(named, panel=panel, algorithm=algorithm)
-            draw_curves(axes, part, colours, style.LINE_WIDTH, line, algorithm_name(algorithm))
+            draw_curves(axes, part, colours, style.LINE_WIDTH, line, word_for(algorithm))
         axes.set_title(panel_name(panel))
         axes.set_xlabel("thousand frames")
         axes.set_ylabel("return on test levels")
@@ -160,7 +160,7 @@ def performance_profiles(evidence: Evidence) -> Drawn | str:
         for algorithm in sorted(set(part["algorithm"])):
             one, colour = select(part, algorithm=algorithm), colours[algorithm]
             x = column(one, "threshold")
-            axes.plot(x, column(one, "estimate"), color=colour, label=algorithm_name(algorithm))
+            axes.plot(x, column(one, "estimate"), color=colour, label=word_for(algorithm))
             axes.fill_between(x, column(one, "low"), column(one, "high"), color=colour, alpha=0.15, linewidth=0)
         axes.set_title(COMPARED[experiment])
         axes.set_xlabel("score on test levels")

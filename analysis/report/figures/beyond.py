@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, PAGE_WIDTH, draw_points, legend_of, new_figure, zero_line
-from analysis.plotting.names import design_name, family_name, group_name, player_name
+from analysis.plotting.names import word_for
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.rows import all_rule_set_runs, one_number_of_levels, trial_columns, trial_runs
 from analysis.report.figures.drawing import (
@@ -48,7 +48,7 @@ def fixed_n(evidence: Evidence) -> Drawn | str:
         zero_line(axes)
         for design in sorted(set(table["design"])):
             part = select(table, design=design)
-            look = {"color": colours[design], "marker": markers[design], "label": design_name(design), **DOT}
+            look = {"color": colours[design], "marker": markers[design], "label": word_for(design), **DOT}
             axes.scatter(column(part, x), column(part, y), s=34, **look)
         found = evidence.correlation(judged, x, y, ("panel", "levels"))
         axes.set_title(f"given panel: {estimate_text(found)}", loc="left", fontsize=9.5)
@@ -85,7 +85,7 @@ def attribution(evidence: Evidence) -> Drawn | str:
     table = evidence.attribution
     if table.empty:
         return "it was not run (`experiments=[attribution]`)"
-    named = table.assign(group=[group_name(name) for name in table["group"]])
+    named = table.assign(group=[word_for(name) for name in table["group"]])
     return Drawn(dots(named, "group", "part", "part of the gap"), pick(table, [*CELL, "group", "part", "gap"]))
 
 
@@ -196,7 +196,7 @@ def hardness(evidence: Evidence) -> Drawn | str:
     axes = figure.subplots()
     for k, player in enumerate(dict.fromkeys(table["player"])):
         part = select(table, player=player)
-        look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": player_name(player)}
+        look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": word_for(player)}
         x, y = column(part, "conditions") + 0.05 * (k - 1), column(part, "success")
         axes.errorbar(x, y, yerr=error_bars(part, "success"), **look)
     axes.set_xticks(sorted(set(table["conditions"])))
@@ -279,7 +279,7 @@ def matched_sets(evidence: Evidence) -> Drawn | str:
             found = mean_of_replicates(y, sides=2)
             bars = np.nan_to_num(np.array([[found.estimate - found.low], [found.high - found.estimate]]))
             axes.errorbar(at, found.estimate, yerr=bars, fmt="_", color="#000000", capsize=4, markersize=18)
-        axes.set_xticks(range(len(order)), [design_name(name) for name in order], rotation=35, ha="right", fontsize=9)
-        axes.set_title(f"{family_name(family)}, n = {n}")
+        axes.set_xticks(range(len(order)), [word_for(name) for name in order], rotation=35, ha="right", fontsize=9)
+        axes.set_title(f"{word_for(family)}, n = {n}")
     figure.supylabel("gap in success (test − training)", fontsize=10.5)
     return Drawn(figure, table)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from analysis.plotting import style
 from analysis.plotting.figures import new_figure, zero_line
-from analysis.plotting.names import family_name, panel_name
+from analysis.plotting.names import panel_name, word_for
 from analysis.report.results import panels_of, with_panel
 from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.tables import column, mean_by, select
@@ -44,7 +44,7 @@ def figure_of_families(table: pd.DataFrame, y_label: str, draw: Callable[[Axes, 
         part = select(table, family=family)
         draw(one, part)
         log_axis(one, sorted(set(part["n"])))
-        one.set_title(family_name(family))
+        one.set_title(word_for(family))
         one.set_xlabel("training levels")
     axes[0].set_ylabel(y_label)
     return figure

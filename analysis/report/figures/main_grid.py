@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_line, draw_points, legend_of, new_figure, zero_line
-from analysis.plotting.names import family_name
+from analysis.plotting.names import word_for
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import BLOCKS, DISTANCES, GIVEN, GIVEN_CELL, Evidence
 from analysis.report.claims.specifications import specifications
@@ -57,7 +57,7 @@ def figure_3a(evidence: Evidence) -> Drawn | str:
         for axes, family in zip(row, families, strict=True):
             draw_family(axes, select(table, family=family), x, y)
             draw_line(axes, column(kept, x), column(kept, y), across=True)
-            axes.set_title(family_name(family))
+            axes.set_title(word_for(family))
         part.supxlabel(x_label, fontsize=10)
         row[0].set_ylabel(y_label, fontsize=9)
     handles = [*legend_of(select(table, learned=True)), not_learned_entry()]
@@ -106,7 +106,7 @@ def by_family(evidence: Evidence, table: pd.DataFrame, group: str) -> Figure:
     grid = figure.subplots(len(families), len(METRICS), squeeze=False)
     for axes_row, family in zip(grid, families, strict=True):
         for axes, (x, y, x_label, metric, y_label) in zip(axes_row, METRICS, strict=True):
-            axes.set_title(f"{family_name(family)}, {metric}")
+            axes.set_title(f"{word_for(family)}, {metric}")
             axes.set_xlabel(x_label)
             axes.set_ylabel(SHORT_GAP if y_label == GAP else y_label, fontsize=9)
             draw_groups(evidence, axes, select(table, family=family), x, y, group)

@@ -6,7 +6,7 @@ import pandas as pd
 
 from analysis.plotting import style
 from analysis.plotting.figures import PAGE_WIDTH, new_figure
-from analysis.plotting.names import family_name
+from analysis.plotting.names import word_for
 from analysis.renderings import first_frame
 from analysis.report.claims.evidence import Evidence
 from analysis.report.figures.drawing import Drawn
@@ -34,6 +34,6 @@ def task(evidence: Evidence) -> Drawn | str:
     for axes, (name, difficulty) in zip(places, panels, strict=False):
         levels = family(f"{name}-{difficulty}").sample(1, seed=SEED)
         axes.imshow(first_frame(levels, Pixels(PIXELS)), interpolation="nearest")
-        axes.set_title(f"{family_name(name)}, {difficulty}", fontsize=8.5)
+        axes.set_title(f"{word_for(name)}, {difficulty}", fontsize=8.5)
         rows.append({"family": name, "difficulty": difficulty, "seed": SEED})
     return Drawn(figure, pd.DataFrame(rows))

@@ -29,18 +29,6 @@ def hidden_layer(state, width, seed):
     return np.maximum(state @ rng(seed).normal(size=(state.shape[1], width)), 0)
 
 
-@pytest.mark.parametrize("size", [1, 8])
-def test_independent_pairs_have_accuracy_one_half(size):
-    x, z = rng(1).normal(size=(2000, 16)), rng(2).normal(size=(2000, size))
-    assert mine_accuracy(x, z, rng()) == pytest.approx(0.5, abs=0.02)
-
-
-@pytest.mark.parametrize("size", [1, 8])
-def test_a_representation_that_is_the_factors_saturates(size):
-    z = rng(3).normal(size=(1500, size))
-    assert mine_accuracy(z, z, rng()) > 0.95
-
-
 def test_shuffling_columns_finds_information_where_there_is_none():
     """The code of 2022 tells dependence within phi, not between phi and z."""
     x, z = hidden_layer(rng(4).normal(size=(1500, 6)), 256, 5), rng(6).normal(size=(1500, 5))
@@ -101,27 +89,12 @@ def test_values_of_bounds_stay_below_their_ceilings():
     assert [float(f(flat, others)) for f in (jsd_value, infonce_value)] == pytest.approx([0, 0], abs=1e-6)
 
 
-def test_units_and_linear_maps_of_phi_do_not_matter():
-    z = rng(14).normal(size=(900, 3))
-    x = z + rng(15).normal(size=z.shape)
-    plain = mine_accuracy(x, z, rng())
-    assert mine_accuracy(1000 * x + 5, -0.01 * z, rng()) == pytest.approx(plain, abs=0.03)
-
-
 def test_replicates_repeat_from_their_seed_and_have_an_interval():
     data = pairs_of(rng(16).normal(size=(600, 4)), rng(17).normal(size=(600, 2)))
     quick = CriticSettings(steps=50)
     first, second = (estimate_bounds(data, rng(5), ["jsd"], replicates=3, settings=quick)["jsd"] for _ in range(2))
     assert first == second
     assert first[0].n == 3 and first[0].low < first[0].estimate < first[0].high
-
-
-@pytest.mark.slow
-def test_the_mean_accuracy_of_independent_pairs_is_one_half():
-    found = [
-        mine_accuracy(rng(s).normal(size=(1500, 16)), rng(s + 99).normal(size=(1500, 4)), rng(s)) for s in range(30)
-    ]
-    assert np.mean(found) == pytest.approx(0.5, abs=0.004)
 
 
 @pytest.mark.parametrize(
