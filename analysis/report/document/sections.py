@@ -118,7 +118,7 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         Heading("KS and W2", 3),
         *boxes("A-ks"),
         *beyond.blocks(evidence, drawn, boxes),
-        *(estimates(evidence, drawn) if there else ()),
+        *(estimates(evidence) if there else ()),
         *whose_settings(evidence, there),
         *how_verdicts_are_decided(evidence),
         *written_before(),
@@ -204,11 +204,10 @@ def masses(evidence: Evidence) -> list[Block]:
     return [tables.means_table(found, head, "success", TABLES["masses"], plain)]
 
 
-def estimates(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
+def estimates(evidence: Evidence) -> list[Block]:
     """All correlations of the main grid, and what they rest on."""
     return [
         Heading("All correlations of the main grid"),
-        *drawn("estimates"),
         tables.main_table(evidence),
         tables.sensitivity_table(evidence),
         tables.explained_table(evidence),

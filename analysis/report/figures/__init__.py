@@ -17,7 +17,7 @@ Draw = Callable[[Evidence], Drawn | str]  # the figure, or why there is none
 FIGURES: Mapping[str, Draw] = {
     draw.__name__: draw
     for draw in (
-        task.task, main_grid.figure_3a, main_grid.estimates, main_grid.specification_curves, main_grid.figure_3b,
+        task.task, main_grid.figure_3a, main_grid.specification_curves, main_grid.figure_3b,
         main_grid.train_and_test, main_grid.figure_4a, agents.figure_4b, agents.figure_5a, agents.figure_5b,
         agents.appendix_mass, agents.appendix_sac, agents.performance_profiles, beyond.fixed_n,
         beyond.matched_sets, beyond.diversity, beyond.attribution, beyond.rules, beyond.rule_sets, beyond.trials, beyond.visual,

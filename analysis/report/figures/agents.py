@@ -2,28 +2,17 @@
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.transforms import ScaledTranslation
 
 from analysis.plotting import style
-from analysis.plotting.figures import DOT, draw_line, new_figure
+from analysis.plotting.figures import new_figure
 from analysis.plotting.names import panel_name, word_for
-from analysis.report.captions import FIGURES
-from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
+from analysis.report.claims.claim import METRIC_OURS
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.rows import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
 from analysis.report.claims.scores import COMPARED, LEAST_SEEDS, profiles
-from analysis.report.figures.drawing import (
-    CELL,
-    SHORT_GAP,
-    Drawn,
-    dots,
-    draw_curves,
-    figure_of_panels,
-    legend_below,
-)
-from analysis.report.number_format import estimate_text
+from analysis.report.claims.statements import METRICS
+from analysis.report.figures.drawing import CELL, SHORT_GAP, Drawn, Related, draw_related, figure_of_curves
 from analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
 from analysis.tables import binned, column, count_of, mean_by, pick, select
 
@@ -38,61 +27,41 @@ def figure_4b(evidence: Evidence) -> Drawn | str:
     if probed.empty:
         return NO_PROBES
     table = pick(probed, [*CELL, "probe", *ACCURACIES, "gap", "gap_2022"])
-    figure = new_figure(9, 4.2)
-    for axes, settings in zip(figure.subplots(1, 2), (METRIC_2022, METRIC_OURS), strict=True):
-        draw_accuracy(evidence, axes, select(table, probe=PROBES[settings]), GAPS[settings], settings)
-    return Drawn(figure, table)
+    parts = [(settings, select(table, probe=PROBES[settings]), GAPS[settings]) for settings in METRICS]
+    return Drawn(accuracy_grid(evidence, [parts], 4.2), table)
 
 
-def draw_accuracy(evidence: Evidence, axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None:
-    """Two point sets, training and test levels, a line each where there are blocks enough."""
-    found = {levels: evidence.correlation(table, f"accuracy_{levels}", gap) for levels in ("train", "test")}
-    for levels, colour, marker in zip(found, style.PALETTE, style.MARKERS, strict=False):
-        x, y = column(table, f"accuracy_{levels}"), column(table, gap)
-        label = f"{levels}: {estimate_text(found[levels])}"
-        axes.scatter(x, y, s=32, color=colour, marker=marker, label=label, **DOT)
-    if len(table) and min(column(table, name).min() for name in ACCURACIES) < CHANCE_SEEN:
-        axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
-    # After all points, because lines keep to the limits that the points made.
-    for levels, colour in zip(found, style.PALETTE, strict=False):
-        if np.isfinite(found[levels].low):
-            draw_line(axes, column(table, f"accuracy_{levels}"), column(table, gap), colour)
-    axes.set_title(title)
-    axes.set_xlabel("accuracy of the critic")
-    axes.set_ylabel(SHORT_GAP)
-    below = axes.transAxes + ScaledTranslation(0, -0.4, axes.figure.dpi_scale_trans)  # ticks and label [in]
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, fontsize=8.5)
-
-
-def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, str]]], width: float) -> Figure:
-    """Rows of axes, each of a title, its runs and the column of the gap; ``width`` in inches is that of one axes."""
-    figure = new_figure(width * len(parts[0]), 2.7 * len(parts))
+def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, str]]], height: float = 2.7) -> Figure:
+    """Rows of axes of this height, each of a title, its runs and the column of the gap: two point sets, of training and of test
+    levels."""
+    figure = new_figure(4.5 * len(parts[0]), height * len(parts))
     for row, drawn in zip(figure.subplots(len(parts), len(parts[0]), squeeze=False), parts, strict=True):
         for axes, (title, table, gap) in zip(row, drawn, strict=True):
-            draw_accuracy(evidence, axes, table, gap, title)
+            looks = zip(("train", "test"), style.PALETTE, style.MARKERS, strict=False)
+            related = [Related(levels, table, f"accuracy_{levels}", gap, *look) for levels, *look in looks]
+            if len(table) and min(column(table, name).min() for name in ACCURACIES) < CHANCE_SEEN:
+                axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
+            draw_related(evidence, axes, related, 32)
+            axes.set_title(title)
+            axes.set_xlabel("accuracy of the critic")
+            axes.set_ylabel(SHORT_GAP)
     return figure
 
 
 def figure_5a(evidence: Evidence) -> Drawn | str:
-    """Gap against accuracy per self-supervised algorithm; without probes, the gaps alone."""
+    """Gap against accuracy per self-supervised algorithm."""
     runs = evidence.results.of("figure_5a")
     if not auxiliary(runs):
         return "no agents with self-supervised losses were trained (`experiments=[figure_5a]`)"
     probed = accuracies(evidence.results, runs)
-    algorithms = sorted(set(runs["algorithm"]))
     if probed.empty:
-        table = pick(runs, [*CELL, "algorithm", "gap"])
-        named = table.assign(algorithm=[word_for(name) for name in table["algorithm"]])
-        return Drawn(dots(named, "algorithm", "gap", SHORT_GAP), table, FIGURES["figure_5a_without_probes"])
+        return NO_PROBES
     table = pick(probed, [*CELL, "algorithm", "probe", *ACCURACIES, "gap", "gap_2022"])
     parts = [
-        [
-            (f"{word_for(name)}, {key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key])
-            for key in (METRIC_2022, METRIC_OURS)
-        ]
-        for name in algorithms
+        [(f"{word_for(name)}, {key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key]) for key in METRICS]
+        for name in sorted(set(runs["algorithm"]))
     ]
-    return Drawn(accuracy_grid(evidence, parts, 4.3), table)
+    return Drawn(accuracy_grid(evidence, parts), table)
 
 
 def figure_5b(evidence: Evidence) -> Drawn | str:
@@ -105,19 +74,7 @@ def figure_5b(evidence: Evidence) -> Drawn | str:
         return "the curves have no returns of training episodes"
     chosen = chosen.assign(frames=binned(column(chosen, "frames")))
     table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
-    families, difficulties = style.ordered(table["family"]), style.ordered(table["difficulty"])
-    colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
-    figure = new_figure(2.35 * len(families), 2.0 * len(difficulties) + 0.4)
-    grid = figure.subplots(len(difficulties), len(families), squeeze=False, sharex=True)
-    for row, difficulty in zip(grid, difficulties, strict=True):
-        for axes, family in zip(row, families, strict=True):
-            draw_curves(axes, select(table, family=family, difficulty=difficulty), colours, 1.3)
-            axes.set_title(panel_name(f"{family}-{difficulty}"))
-        row[0].set_ylabel("training return")
-    for axes in grid[-1]:
-        axes.set_xlabel("thousand frames")
-    legend_below(figure, grid[0][0], 8, "training levels")
-    return Drawn(figure, table)
+    return Drawn(curves_of_panels(table, "training return"), table)
 
 
 def appendix_sac(evidence: Evidence) -> Drawn | str:
@@ -131,19 +88,13 @@ def appendix_sac(evidence: Evidence) -> Drawn | str:
     if chosen.empty:
         return "the curves have no returns of SAC on test levels"
     table = mean_by(chosen, ["algorithm", "family", "difficulty", "n", "frames"], ["value"])
+    return Drawn(curves_of_panels(table, "return on test levels", "algorithm"), table)
+
+
+def curves_of_panels(table: pd.DataFrame, y_label: str, kinds: str = "") -> Figure:
+    """The curves of the panels that a table has."""
     named = with_panel(table)
-    panels = panels_of(named)
-    colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
-    figure, grid = figure_of_panels(len(panels), 3.1, 2.6, 0.4)
-    for axes, panel in zip(grid, panels, strict=False):
-        for algorithm, line in zip(sorted(set(named["algorithm"])), ("-", ":"), strict=False):
-            part = select(named, panel=panel, algorithm=algorithm)
-            draw_curves(axes, part, colours, style.LINE_WIDTH, line, word_for(algorithm))
-        axes.set_title(panel_name(panel))
-        axes.set_xlabel("thousand frames")
-        axes.set_ylabel("return on test levels")
-    legend_below(figure, grid[0], 2, "algorithm, training levels")
-    return Drawn(figure, table)
+    return figure_of_curves(named, {panel: panel_name(panel) for panel in panels_of(named)}, y_label, kinds)
 
 
 def performance_profiles(evidence: Evidence) -> Drawn | str:
@@ -170,23 +121,21 @@ def performance_profiles(evidence: Evidence) -> Drawn | str:
 
 
 def appendix_mass(evidence: Evidence) -> Drawn | str:
-    """Gap against accuracy with the mass shown and hidden, by what the agent has of the past; without probes, gaps alone."""
+    """Gap against accuracy with the mass shown and hidden, by what the agent has of the past."""
     runs = evidence.results.masses
     if count_of(runs, "observation") < 2:
         return "it was not run (`experiments=[appendix_mass]`)"
     probed = accuracies(evidence.results, runs)
     if probed.empty:
-        named = runs.assign(sees=runs["past"] + ", " + runs["mass"])
-        table = pick(named, [*CELL, "sees", "w2_exact", "gap", "success_test_deterministic"])
-        return Drawn(dots(table, "sees", "gap", SHORT_GAP), table, FIGURES["appendix_mass_without_probes"])
+        return NO_PROBES
     columns = [*CELL, "past", "mass", "w2_exact", *ACCURACIES, "gap", "success_test_deterministic"]
     table = pick(select(probed, probe=PROBES[METRIC_OURS]), columns)
-    pasts = [past for past in (FRAME, STACK, MEMORY) if past in set(table["past"])]
     parts = [
         [
             (f"{past}, mass {mass}", select(table, past=past, mass=mass), GAPS[METRIC_OURS])
             for mass in ("shown", "hidden")
         ]
-        for past in pasts
+        for past in (FRAME, STACK, MEMORY)
+        if past in set(table["past"])
     ]
-    return Drawn(accuracy_grid(evidence, parts, 4.3), table)
+    return Drawn(accuracy_grid(evidence, parts), table)

@@ -4,7 +4,6 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, PAGE_WIDTH, draw_points, legend_of, new_figure, zero_line
@@ -16,17 +15,17 @@ from analysis.report.figures.drawing import (
     GAP,
     Drawn,
     dots,
-    error_bars,
-    figure_of_families,
+    draw_means,
     legend_below,
     log_axis,
     mean_of_shares,
+    success_by_number,
 )
 from analysis.report.number_format import estimate_text
 from analysis.report.results import PANEL, shifts_in_words
 from analysis.stats.estimate import mean_of_replicates
 from analysis.studies.w2 import TEST_LEVELS
-from analysis.tables import column, count_of, keep, mean_by, pick, select
+from analysis.tables import column, count_of, keep, pick, select
 
 SUCCESS = "success_test_deterministic"
 COST = "return there − on own test levels"
@@ -117,15 +116,7 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
     for k, (axes, value, label, least) in enumerate(players):
         parts = [(int(number), column(part, value)) for number, part in numbered.groupby("rule_sets")]  # type: ignore[arg-type]
         means = pd.DataFrame([mean_of_shares(values, least).row(rule_sets=number) for number, values in parts])
-        line = "-" if len(means) > 3 else "none"
-        look = {
-            "marker": style.MARKERS[k],
-            "color": style.PALETTE[k],
-            "capsize": 2.5,
-            "label": label,
-            "linestyle": line,
-        }
-        axes.errorbar(column(means, "rule_sets"), column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
+        draw_means(axes, k, column(means, "rule_sets"), means, label, "-" if len(means) > 3 else "none")
         axes.scatter(column(numbered, "rule_sets"), column(numbered, value), s=12, color=style.PALETTE[k], alpha=0.5)
         log_axis(axes, sorted(set(means["rule_sets"])))
         axes.set_xlabel("rule sets in training")
@@ -158,8 +149,7 @@ def trials(evidence: Evidence) -> Drawn | str:
         if len(part):
             values = [column(part, name) for name in names]
             means = pd.DataFrame([mean_of_shares(one).row(trial=n + 1) for n, one in enumerate(values)])
-            look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label}
-            axes.errorbar(column(means, "trial"), column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
+            draw_means(axes, k, column(means, "trial"), means, label)
     axes.set_xticks(range(1, len(names) + 1))
     axes.set_xlabel("trial on the level")
     axes.set_ylabel("success on unseen rule sets")
@@ -196,9 +186,8 @@ def hardness(evidence: Evidence) -> Drawn | str:
     axes = figure.subplots()
     for k, player in enumerate(dict.fromkeys(table["player"])):
         part = select(table, player=player)
-        look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": word_for(player)}
-        x, y = column(part, "conditions") + 0.05 * (k - 1), column(part, "success")
-        axes.errorbar(x, y, yerr=error_bars(part, "success"), **look)
+        means = part.rename(columns={"success": "estimate"})
+        draw_means(axes, k, column(part, "conditions") + 0.05 * (k - 1), means, word_for(player))
     axes.set_xticks(sorted(set(table["conditions"])))
     axes.set_ylim(-0.05, 1.08)
     axes.set_xlabel("conditions on the goal")
@@ -217,17 +206,8 @@ def upper_bound(evidence: Evidence) -> Drawn | str:
     table = keep(table, column(table.assign(kinds=table.groupby(CELL)["sees"].transform("nunique")), "kinds") == 2)
     if table.empty:
         return "no agents that see pixels have the levels and seeds of those that see factors"
-    colours, markers = style.shades(table["difficulty"]), style.markers(table["difficulty"])
-
-    def draw(axes: Axes, part: pd.DataFrame) -> None:
-        for difficulty, (sees, line) in product(colours, {"factors": "-", "pixels": ":"}.items()):
-            means = mean_by(select(part, difficulty=difficulty, sees=sees), ["n"], [SUCCESS])
-            axes.plot(column(means, "n"), column(means, SUCCESS), color=colours[difficulty], marker=markers[difficulty],
-                      linestyle=line, label=f"{difficulty}, {sees}")  # fmt: skip
-
-    figure = figure_of_families(table, "success on test levels", draw)
-    legend_below(figure, figure.axes[0], 3)
-    return Drawn(figure, table)
+    named, lines = table.assign(success=table[SUCCESS]), {"factors": "-", "pixels": ":"}
+    return Drawn(success_by_number(named, "sees", lines, "success on test levels"), table)
 
 
 def w2_study(evidence: Evidence) -> Drawn | str:

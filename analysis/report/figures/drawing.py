@@ -4,17 +4,21 @@ All of it is drawn within :func:`analysis.plotting.style.applied`, which the cal
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
 
 from analysis.plotting import style
-from analysis.plotting.figures import new_figure, zero_line
+from analysis.plotting.figures import DOT, draw_line, new_figure, zero_line
 from analysis.plotting.names import panel_name, word_for
+from analysis.report.claims.evidence import Evidence
+from analysis.report.number_format import estimate_text
 from analysis.report.results import panels_of, with_panel
 from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.tables import column, mean_by, select
@@ -35,18 +39,51 @@ class Drawn:
     caption: str = ""  # empty: the one that captions.yaml has under the figure's name
 
 
-def figure_of_families(table: pd.DataFrame, y_label: str, draw: Callable[[Axes, pd.DataFrame], None]) -> Figure:
-    """A figure with an axes per family, against numbers of training levels; ``draw`` draws the rows of a family."""
-    families = style.ordered(table["family"])
+@dataclass(frozen=True)
+class Related:
+    """Points of which a figure shows the correlation: two columns of a table, and how they look."""
+
+    label: str
+    table: pd.DataFrame
+    x: str
+    y: str
+    colour: str
+    marker: str
+
+
+def draw_related(evidence: Evidence, axes: Axes, parts: Sequence[Related], size: float) -> None:
+    """The points of each part with r and the p of blocks in the legend, and a line where there are blocks enough."""
+    found = [evidence.correlation(part.table, part.x, part.y) for part in parts]
+    for part, one in zip(parts, found, strict=True):
+        look = {"marker": part.marker, "color": part.colour, "label": f"{part.label}: {estimate_text(one)}", **DOT}
+        axes.scatter(column(part.table, part.x), column(part.table, part.y), s=size, zorder=3, **look)
+    axes.margins(y=0.1)
+    for part, one in zip(parts, found, strict=True):  # lines keep to the limits of all points
+        if np.isfinite(one.low):
+            draw_line(axes, column(part.table, part.x), column(part.table, part.y), part.colour)
+    below = axes.transAxes + ScaledTranslation(0, -0.4, axes.figure.dpi_scale_trans)  # ticks and label [in]
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, handletextpad=0.2, fontsize=8.5)
+
+
+def success_by_number(table: pd.DataFrame, by: str, lines: Mapping[str, str], y_label: str) -> Figure:
+    """An axes per family: mean ``success`` against numbers of training levels, a line per difficulty and value of the column
+    ``by``; ``lines`` has the line style of each value."""
+    families, difficulties = style.ordered(table["family"]), style.ordered(table["difficulty"])
+    colours, markers = style.shades(difficulties), style.markers(difficulties)
     figure = new_figure(2.25 * len(families) + 0.4, 3.4)
-    axes = figure.subplots(1, len(families), sharey=True, squeeze=False)[0]
-    for one, family in zip(axes, families, strict=True):
+    grid = figure.subplots(1, len(families), sharey=True, squeeze=False)[0]
+    for axes, family in zip(grid, families, strict=True):
         part = select(table, family=family)
-        draw(one, part)
-        log_axis(one, sorted(set(part["n"])))
-        one.set_title(word_for(family))
-        one.set_xlabel("training levels")
-    axes[0].set_ylabel(y_label)
+        for name, (kind, line) in product(difficulties, lines.items()):
+            means = mean_by(select(part, difficulty=name, **{by: kind}), ["n"], ["success"])
+            look = {"color": colours[name], "marker": markers[name], "linestyle": line, "label": f"{name}, {kind}"}
+            axes.plot(column(means, "n"), column(means, "success"), **look)
+        log_axis(axes, sorted(set(part["n"])))
+        axes.set_ylim(-0.03, 1.03)
+        axes.set_title(word_for(family))
+        axes.set_xlabel("training levels")
+    grid[0].set_ylabel(y_label)
+    legend_below(figure, grid[0], 3)
     return figure
 
 
@@ -77,14 +114,31 @@ def log_axis(axes: Axes, counts: Sequence[int]) -> None:
     axes.minorticks_off()
 
 
-def draw_curves(
-    axes: Axes, curves: pd.DataFrame, colours: Mapping[int, str], width: float, line: str = "-", name: str = ""
+def figure_of_curves(table: pd.DataFrame, panels: Mapping[str, str], y_label: str, kinds: str = "") -> Figure:
+    """An axes per panel, with its title: ``value`` against ``frames``, a line for each number of training levels, and in a
+    style of its own for each of two values of the column ``kinds``."""
+    colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE * 3, strict=False))
+    lines = dict(zip(style.ordered(table[kinds]), ("-", ":"), strict=False)) if kinds else {"": "-"}
+    figure, grid = figure_of_panels(len(panels), 3.1, 2.6, 0.4)
+    for axes, (panel, title) in zip(grid, panels.items(), strict=False):
+        for (kind, line), (n, colour) in product(lines.items(), colours.items()):
+            part = select(table, panel=panel, n=n, **({kinds: kind} if kinds else {}))
+            label = ", ".join(filter(None, [word_for(kind), f"{n}"]))
+            at, value = column(part, "frames") / 1000, column(part, "value")
+            axes.plot(at, value, line, color=colour, linewidth=1.3, marker=".", markersize=3, label=label)
+        axes.set_title(title)
+        axes.set_xlabel("thousand frames")
+    grid[0].set_ylabel(y_label)
+    legend_below(figure, grid[0], 2 if kinds else 8, "training levels")
+    return figure
+
+
+def draw_means(
+    axes: Axes, k: int, x: Sequence[float] | np.ndarray, means: pd.DataFrame, label: str, line: str = "-"
 ) -> None:
-    """A line of ``value`` against ``frames`` for each number of training levels; ``name`` stands before it in legends."""
-    for n, colour in colours.items():
-        part = select(curves, n=n)
-        axes.plot(column(part, "frames") / 1000, column(part, "value"), color=colour, linestyle=line, linewidth=width,
-                  label=f"{name}, {n}" if name else str(n))  # fmt: skip
+    """Means with their intervals at these places, in the look of the k-th of several series."""
+    look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label, "linestyle": line}
+    axes.errorbar(x, column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
 
 
 def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:

@@ -1,7 +1,6 @@
 """The figures about the gap and W2: 3a, 3b, 4a, all estimates, and success against the number of levels."""
 
 from collections import Counter
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from analysis.plotting import style
-from analysis.plotting.figures import DOT, draw_line, draw_points, legend_of, new_figure, zero_line
+from analysis.plotting.figures import PAGE_WIDTH, draw_line, draw_points, legend_of, new_figure, zero_line
 from analysis.plotting.names import word_for
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
-from analysis.report.claims.evidence import BLOCKS, DISTANCES, GIVEN, GIVEN_CELL, Evidence
+from analysis.report.claims.evidence import GIVEN_CELL, Evidence
 from analysis.report.claims.specifications import specifications
 from analysis.report.figures.drawing import (
     CELL,
@@ -22,12 +21,12 @@ from analysis.report.figures.drawing import (
     GAP_2022,
     SHORT_GAP,
     Drawn,
-    error_bars,
-    figure_of_families,
-    legend_below,
+    Related,
+    draw_related,
+    success_by_number,
 )
 from analysis.report.number_format import estimate_text
-from analysis.tables import column, keep, mean_by, pick, select
+from analysis.tables import column, pick, select
 
 NO_MAIN_GRID = "there are no runs of the main grid"
 W2_2022, W2_EXACT = "W2 of 2022, training to test levels", "exact W2, training to test levels"
@@ -114,48 +113,13 @@ def by_family(evidence: Evidence, table: pd.DataFrame, group: str) -> Figure:
 
 
 def draw_groups(evidence: Evidence, axes: Axes, table: pd.DataFrame, x: str, y: str, group: str) -> None:
-    """Points and a line per group that has blocks enough, with r and the p of blocks in the legend."""
+    """Points and a line per group."""
     zero_line(axes)
     colours, markers = style.shades(table[group]), style.markers(table[group])
-    found = {name: evidence.correlation(select(table, **{group: name}), x, y) for name in style.ordered(table[group])}
-    for name, one in found.items():
-        part = select(table, **{group: name})
-        look = {"marker": markers[name], "color": colours[name], **DOT}
-        axes.scatter(column(part, x), column(part, y), s=36, zorder=3, label=f"{name}: {estimate_text(one)}", **look)
-    axes.margins(y=0.1)
-    for name in (name for name, one in found.items() if np.isfinite(one.low)):  # lines keep to the limits of all points
-        part = select(table, **{group: name})
-        draw_line(axes, column(part, x), column(part, y), colours[name])
+    parts = {name: select(table, **{group: name}) for name in style.ordered(table[group])}
+    related = [Related(name, part, x, y, colours[name], markers[name]) for name, part in parts.items()]
+    draw_related(evidence, axes, related, 36)
     axes.locator_params(axis="x", nbins=6)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.45, -0.24), handletextpad=0.2, fontsize=8.5)
-
-
-def estimates(evidence: Evidence) -> Drawn | str:
-    """All correlations of gap and W2 at a glance: what is given against which distance."""
-    if evidence.main.empty or not evidence.modes:
-        return NO_MAIN_GRID
-    found = select(evidence.resampled, way=BLOCKS)
-    table = pick(found, ["w2", "gap", "test", "estimate", "low", "high", "n", "p"])
-    table = keep(table, np.isfinite(column(table, "estimate")))  # one seed leaves nothing within cells
-    tests = [test for test in GIVEN if test in set(table["test"])]
-    colours = dict(zip(DISTANCES, style.PALETTE, strict=False))
-    figure = new_figure(8.6, 3.9)
-    axes = figure.subplots(1, 2, sharey=True)
-    for one, (gap, title) in zip(axes, (("gap_2022", "returns of 2022"), ("gap", "full returns")), strict=True):
-        one.axvline(0, color="#999999", linewidth=0.8)
-        for k, mode in enumerate(evidence.modes):
-            part = select(table, gap=gap, w2=mode)
-            at = np.array([tests.index(test) for test in part["test"]]) + 0.2 * (k - 1)
-            look = {"fmt": style.MARKERS[k], "color": colours[mode], "capsize": 2.5, "markersize": 5.5}
-            bars = error_bars(part, "estimate")
-            one.errorbar(column(part, "estimate"), at, xerr=bars, label=DISTANCES[mode], **look)
-        one.set_yticks(range(len(tests)), tests)
-        one.set_xlim(-1.02, 1.02)
-        one.set_title(title)
-        one.set_xlabel("correlation of gap and W2")
-    axes[0].invert_yaxis()
-    legend_below(figure, axes[0], 3)
-    return Drawn(figure, table)
 
 
 def train_and_test(evidence: Evidence) -> Drawn | str:
@@ -163,27 +127,11 @@ def train_and_test(evidence: Evidence) -> Drawn | str:
     main = evidence.ungated.main
     if main.empty:
         return NO_MAIN_GRID
-    kinds = {"success_train_deterministic": "training levels", "success_test_deterministic": "test levels"}
-    table = pick(main, [*CELL, *kinds])
-    figure = figure_of_families(table, "success", draw_success)
-    colours, markers = style.shades(table["difficulty"]), style.markers(table["difficulty"])
-    handles = [Line2D([], [], color=colours[name], marker=markers[name], label=name) for name in colours]
-    handles.append(Line2D([], [], linestyle="-", label="test levels", color="#777777"))
-    handles.append(Line2D([], [], linestyle=":", label="training levels", color="#777777"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=5)
-    return Drawn(figure, table)
-
-
-def draw_success(axes: Axes, table: pd.DataFrame) -> None:
-    """Two lines per difficulty."""
-    colours, markers = style.shades(table["difficulty"]), style.markers(table["difficulty"])
-    for name in style.ordered(table["difficulty"]):
-        values = ("success_train_deterministic", "success_test_deterministic")
-        means = mean_by(select(table, difficulty=name), ["n"], values)
-        n = column(means, "n")
-        axes.plot(n, column(means, "success_test_deterministic"), color=colours[name], marker=markers[name])
-        axes.plot(n, column(means, "success_train_deterministic"), color=colours[name], linestyle=":")
-    axes.set_ylim(-0.03, 1.03)
+    kinds = {"success_test_deterministic": "test levels", "success_train_deterministic": "training levels"}
+    table = pick(main, [*CELL, *reversed(kinds)])
+    both = [table.assign(success=table[name], on=words) for name, words in kinds.items()]
+    lines = {"test levels": "-", "training levels": ":"}
+    return Drawn(success_by_number(pd.concat(both, ignore_index=True), "on", lines, "success"), table)
 
 
 def specification_curves(evidence: Evidence) -> Drawn | str:
@@ -194,9 +142,14 @@ def specification_curves(evidence: Evidence) -> Drawn | str:
     claims = {"3a-n": "given panel and n", "3a-cell": "given cell", "4b-none": "given panel and n"}
     claims = {name: words for name, words in claims.items() if name in set(table["claim"])}
     colours = style.colours(sorted(set(table["outcome"])))
-    figure, grid = figure_of_curves({name: Counter(table["claim"])[name] for name in claims})
-    for axes, (name, words) in zip(grid, claims.items(), strict=True):
-        part = select(table, claim=name).sort_values("estimate", ignore_index=True)
+    rows, names = Counter(table["claim"]), list(claims)
+    left = names[:-1] or names  # below each other; the last one stands on the right
+    most = max(sum(rows[name] for name in left), rows[names[-1]])
+    figure = new_figure(PAGE_WIDTH, 1.4 + 0.5 * len(left) + 0.18 * most)
+    places = [[name, names[-1]] for name in left]
+    grid = figure.subplot_mosaic(places, height_ratios=[rows[name] + 3 for name in left])
+    for name, words in claims.items():
+        axes, part = grid[name], select(table, claim=name).sort_values("estimate", ignore_index=True)
         axes.axvline(0, color="#999999", linewidth=0.8)
         for at, row in enumerate(part.to_dict("records")):
             ends = np.array([[row["estimate"] - row["low"]], [row["high"] - row["estimate"]]])
@@ -216,16 +169,3 @@ def specification_curves(evidence: Evidence) -> Drawn | str:
                       "regret (sign turned)") for name, c in colours.items()]  # fmt: skip
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return Drawn(figure, table)
-
-
-def figure_of_curves(rows: Mapping[str, int]) -> tuple[Figure, list[Axes]]:
-    """A figure with an axes for each claim, as high as it has rows: the last one on the right, the others on the left, below
-    each other."""
-    names = list(rows)
-    left = names[:-1] or names
-    columns = 2 if len(names) > 1 else 1
-    most = max(sum(rows[name] for name in left), rows[names[-1]])
-    figure = new_figure(4.6 * columns, 1.4 + 0.5 * len(left) + 0.18 * most)
-    grid = figure.add_gridspec(len(left), columns, height_ratios=[rows[name] + 3 for name in left])
-    found = [figure.add_subplot(grid[k, 0]) for k in range(len(left))]
-    return figure, found if columns == 1 else [*found, figure.add_subplot(grid[:, 1])]

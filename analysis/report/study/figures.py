@@ -15,8 +15,8 @@ from analysis.report.document.tables import means
 from analysis.report.figures.drawing import (
     GAP,
     Drawn,
-    draw_curves,
     error_bars,
+    figure_of_curves,
     figure_of_panels,
     legend_below,
     log_axis,
@@ -131,19 +131,9 @@ def curves(study: Study) -> Drawn | str:
     found = mean_by(of_all_runs(rows), ["panel", "n", "frames"], ["value"])
     if found.empty:
         return "no moment of training has a return of all runs of a curve"
-    colours = dict(zip(sorted(set(found["n"])), style.SEQUENCE * 3, strict=False))
-    figure, grid = figure_of_panels(len(study.panels), 3.7, 2.9, 0.5)
-    for axes, panel in zip(grid, study.panels, strict=False):
-        part = select(found, panel=panel)
-        draw_curves(axes, part, colours, 1.3)
-        axes.scatter(
-            column(part, "frames") / 1000, column(part, "value"), s=8, color=[colours[n] for n in list(part["n"])]
-        )
-        axes.set_title(panel)
-        axes.set_xlabel("thousand frames")
-    grid[0].set_ylabel("training return")
-    legend_below(figure, grid[0], 8, "training levels")
-    return Drawn(figure, found, caption)
+    return Drawn(
+        figure_of_curves(found, dict(zip(study.panels, study.panels, strict=True)), "training return"), found, caption
+    )
 
 
 def in_rounds(rows: pd.DataFrame, width: float) -> pd.DataFrame:
