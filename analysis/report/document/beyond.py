@@ -8,17 +8,17 @@ import pandas as pd
 from analysis.plotting.names import panel_name, word_for
 from analysis.report.captions import TABLES
 from analysis.report.claims.claim import METRIC_OURS
-from analysis.report.claims.evidence import DISTANCES, Evidence, pearson
+from analysis.report.claims.evidence import DISTANCES, Evidence
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
 from analysis.report.claims.statements import stated
 from analysis.report.claims.tests import SAME, differences
 from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
 from analysis.report.document.tables import frames_of, means, means_table, row_of
-from analysis.report.number_format import NONE, effect, estimate_text, listed, p_value, plain, signed, with_interval
+from analysis.report.number_format import NONE, effect, estimate_text, listed, p_value, plain
 from analysis.report.results import shifts_in_words, with_panel
 from analysis.stats.estimate import Estimate
-from analysis.tables import column, count_of, keep, select
+from analysis.tables import count_of, select
 
 CONTRASTS = ("gap in success", "n", "family", "difference", "95 %", "p", "pairs")  # columns of contrasts
 Drawer = Callable[[str], list[Block]]
@@ -103,49 +103,35 @@ def contrasts(evidence: Evidence, runs: pd.DataFrame) -> Table:
 
 def predictions(evidence: Evidence, runs: pd.DataFrame) -> Table:
     """R² out of sample of the gap in success, from family, n and each measure of the training set."""
-    found = matched_predictions(evidence, runs)
-    rows = [[str(r["measure"]), *effect(Estimate.of_row(r), plain), f"{r['n']:.0f}"]
-            for r in found.to_dict("records")]  # fmt: skip
-    return Table(("measure", "R² out of sample, beyond family and n", "95 %", "runs"), rows, 1, TABLES["prediction"])
+    found, value = matched_predictions(evidence, runs), "R² out of sample, beyond family and n"
+    return means_table(found, {"measure": "measure"}, value, TABLES["prediction"], plain)
 
 
 def physics(evidence: Evidence) -> list[Block]:
     """The loss in return in each physics of the test levels."""
-    part = evidence.results.other_physics
-    if part.empty:
-        return []
-    found = shift_means(evidence, part, "test_variation")
-    row = min(found.to_dict("records"), key=lambda one: one["estimate"])
-    levels = f"{row['levels']} training level{'s' * (row['levels'] > 1)}"
-    text = (
-        f"The largest of {len(found)} mean losses is in {row['test_variation']}, of agents trained in {row['trained']} with "
-        f"{levels}: the return there less that on the test levels of their own physics is "
-        f"{with_interval(Estimate.of_row(row))}, over {row['n']:.0f} runs."
-    )
-    return [Paragraph(text), shifts(found, "test_variation")]
+    return shifts(evidence, evidence.results.other_physics, "test_variation")
 
 
 def looks(evidence: Evidence) -> list[Block]:
     """The loss in return with each kind of textures, and on harder levels."""
-    part = evidence.results.other_looks
-    return [] if part.empty else [shifts(shift_means(evidence, part, "shift"), "shift")]
+    return shifts(evidence, evidence.results.other_looks, "shift")
 
 
-def shift_means(evidence: Evidence, part: pd.DataFrame, tested: str) -> pd.DataFrame:
-    """The mean ``difference`` for each of what agents were ``trained`` in, ``tested`` in, and their number of ``levels``."""
+def shifts(evidence: Evidence, part: pd.DataFrame, tested: str) -> list[Block]:
+    """The mean ``difference`` for each of what agents were ``trained`` in and ``tested`` in, a column for each of their numbers
+    of training levels."""
+    if part.empty:
+        return []
     named = shifts_in_words(part, tested)
-    return means(evidence, named.assign(levels=named["n"]), ["trained", tested, "levels"], "difference")
-
-
-def shifts(found: pd.DataFrame, tested: str) -> Table:
-    """The result of :func:`shift_means`, a column for each number of training levels."""
+    found = means(evidence, named.assign(levels=named["n"]), ["trained", tested, "levels"], "difference")
     counts = sorted({*found["levels"]})
     rows = []
     for (trained, there), some in found.groupby(["trained", tested], sort=True):  # type: ignore[misc]
         of_n = {row["levels"]: effect(Estimate.of_row(row)) for row in some.to_dict("records")}
         cells = (" ".join(text for text in of_n.get(n, ()) if text != NONE) or NONE for n in counts)
         rows.append([str(trained), str(there), *cells, listed(some["n"])])
-    return Table(("trained in", "tested in", *(f"n = {n}" for n in counts), "runs each"), rows, 2, TABLES["shift"])
+    head = ("trained in", "tested in", *(f"n = {n}" for n in counts), "runs each")
+    return [Table(head, rows, 2, TABLES["shift"])]
 
 
 def attributed(evidence: Evidence) -> list[Block]:
@@ -156,19 +142,8 @@ def attributed(evidence: Evidence) -> list[Block]:
     shown = table.assign(levels=table["n"].astype(str))
     shown = shown.assign(family=shown["family"].map(word_for), group=shown["group"].map(word_for))
     found = means(evidence, shown, ["family", "levels", "group"], "part")
-    sentences = []
-    for family in dict.fromkeys(found["family"]):
-        first = min(select(shown, family=family)["levels"], key=int)
-        parts = select(found, family=family, levels=first)
-        row = max(parts.to_dict("records"), key=lambda one: abs(one["estimate"]))
-        whole = float(column(parts, "estimate").sum())
-        levels = f"{first} training level{'s' if int(first) > 1 else ''}"
-        sentences.append(
-            f"In {family} with {levels} the gap is {signed(whole)}. Its largest part is that of {row['group']}, "
-            f"{with_interval(Estimate.of_row(row))}, n = {row['n']:.0f}."
-        )
     head = {"family": "family", "levels": "training levels", "group": "factors"}
-    return [Paragraph(" ".join(sentences)), means_table(found, head, "part", TABLES["attribution"])]
+    return [means_table(found, head, "part", TABLES["attribution"])]
 
 
 def true_factors(evidence: Evidence) -> list[Block]:
@@ -191,35 +166,16 @@ def true_factors(evidence: Evidence) -> list[Block]:
 
 
 def distances(evidence: Evidence) -> list[Block]:
-    """R² of W2 on panel and number of levels, and how far both distances agree at one n."""
-    study = evidence.results.studies.get("w2_study", {})
-    out: list[Block] = []
-    if "explained" in study:
-        models = ("panel", "log_n", "panel_and_log_n", "cell")
-        rows = [
-            [DISTANCES[str(r["mode"])], f"{r['points']:.0f}", *(plain(r[model]) for model in models)]
-            for r in study["explained"].to_dict("records")
-        ]
-        head = ("W2", "points", "on panel", "on log n", "on both", "on cells")
-        out.append(Table(head, rows, 1, "R² of log W2, without training. Data: `studies/w2_study/explained.csv`."))
-    if "distances" in study:
-        out.append(agreement(study["distances"]))
-    return out
-
-
-def agreement(table: pd.DataFrame, n: int = 10) -> Table:
-    """Correlation of both distances over level seeds, at one n, per panel."""
-    inside = keep(table, (table["train"] == table["test"]) & (table["n"] == n))
-    rows = []
-    for panel in dict.fromkeys(inside["train"]):
-        part = select(inside, train=panel)
-        rows.append([panel_name(panel), *effect(pearson(part, "w2_reference", "w2_exact")), str(len(part))])
-    caption = (
-        f"Do both distances mean the same? Pearson r of the W2 of 2022 and exact W2 over level seeds at n = {n}. The "
-        "distance of 2022 counts the order of drawing. Intervals are Fisher's over seeds. Data: "
-        "`studies/w2_study/distances.csv`."
-    )
-    return Table(("panel", "r", "95 %", "seeds"), rows, 1, caption)
+    """R² of W2 on panel and number of levels."""
+    table = evidence.results.studies.get("w2_study", {}).get("explained", pd.DataFrame())
+    models = ("panel", "log_n", "panel_and_log_n", "cell")
+    rows = [
+        [DISTANCES[str(r["mode"])], f"{r['points']:.0f}", *(plain(r[model]) for model in models)]
+        for r in table.to_dict("records")
+    ]
+    head = ("W2", "points", "on panel", "on log n", "on both", "on cells")
+    caption = "R² of log W2, without training. Data: `studies/w2_study/explained.csv`."
+    return [Table(head, rows, 1, caption)] if rows else []
 
 
 def baselines(evidence: Evidence) -> list[Block]:

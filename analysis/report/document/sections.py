@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import word_for
+from analysis.plotting.names import ALGORITHMS
 from analysis.report.captions import TABLES
 from analysis.report.claims import verdicts
 from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim
@@ -58,21 +58,23 @@ GLOSSARY = (
     "**Supported**: the runs show the claimed effect, and it is large enough to matter. **Not supported**: they show the "
     "opposite, or rule out an effect that matters. **Undecided**: neither. The rules stand at the end.",
 )
-# What the paper and its code of 2022 did, beside this main grid: setting, the paper's, ours as a function of the runs.
-SETTINGS_OF_PAPER = (
-    ("agent", "PPO, learning rate 1e-4, one epoch"),
-    ("encoder", "IMPALA CNN on one frame of textures"),
-    ("gamma", "0.999"),
-    ("reward", "-d² and -100 on death, as it is"),
-    ("frames", "1,000,000"),
-    ("training levels", "1, 10, 50, 100, 200"),
-    ("test levels", "100 (text), 500 (code)"),
-    ("seeds", "1"),
-    ("episodes per evaluation", "10"),
-)
 ENCODERS = {"keypoints": "keypoints", "impala": "IMPALA CNN", "cnn_2022": "CNN of 2022"}
 LOOKS = {"rgb_stack2": "two frames in solid colours", "textures": "one frame of textures"}
 REWARDS = {"none": "the same", "sqrt": "the same, learned from its square root"}
+# What the paper and its code of 2022 did, and the column that says what this main grid did, with words for its values.
+SETTINGS_OF_PAPER: Sequence[tuple[str, str, str, Mapping[str, str]]] = (
+    ("agent", "PPO, learning rate 1e-4, one epoch", "algorithm", ALGORITHMS),
+    ("encoder", "IMPALA CNN", "algorithm.encoder", ENCODERS),
+    ("observation", "one frame of textures", "observation", LOOKS),
+    ("gamma", "0.999", "algorithm.gamma", {}),
+    ("reward", "-d² and -100 on death, as it is", "algorithm.reward_transform", REWARDS),
+    ("frames", "1000000", "frames", {}),
+    ("training levels", "1, 10, 50, 100, 200", "n", {}),
+    ("test levels", "100 (text), 500 (code)", "test_levels", {}),
+    ("seeds", "1", "seed", {}),
+    ("episodes on training levels", "10", "episodes_train_deterministic", {}),
+    ("episodes on test levels", "10", "episodes_test_deterministic", {}),
+)
 
 
 def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, Picture | str]) -> Document:
@@ -210,7 +212,6 @@ def estimates(evidence: Evidence) -> list[Block]:
         Heading("All correlations of the main grid"),
         tables.main_table(evidence),
         tables.sensitivity_table(evidence),
-        tables.explained_table(evidence),
         Paragraph(confound(evidence)),
         tables.mixed_table(evidence),
         tables.predictor_table(evidence),
@@ -252,19 +253,7 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
     if not there:
         return []
     main = evidence.ungated.main
-    ours = {
-        "agent": ", ".join(word_for(name) for name in sorted(set(main["algorithm"])))
-        + f" ({listed(main['algorithm'])})",
-        "encoder": encoder_of(main),
-        "gamma": stated(main, "algorithm.gamma"),
-        "reward": stated(main, "algorithm.reward_transform", REWARDS),
-        "frames": tables.frames_of(main),
-        "training levels": listed(main["n"]),
-        "test levels": listed(main["test_levels"]) if "test_levels" in main else "",
-        "seeds": seeds_by_family(main),
-        "episodes per evaluation": episodes_of(main),
-    }
-    rows = [[name, paper, ours[name]] for name, paper in SETTINGS_OF_PAPER]
+    rows = [[name, paper, stated(main, column, words)] for name, paper, column, words in SETTINGS_OF_PAPER]
     note = (
         "Distances, returns and statistics of the 2022 metric are the paper's; agents are not, but for the block with the "
         "paper's own agent (claim 3a-agent)."
@@ -273,33 +262,11 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
     return [Heading("What is whose"), Table(head, rows, 3, TABLES["settings"]), Paragraph(note)]
 
 
-def seeds_by_family(main: pd.DataFrame) -> str:
-    """How many seeds the families have; of those that have fewer than others, which."""
-    counts = {family: count_of(part, "seed") for family, part in main.groupby("family", sort=False)}
-    most = max(counts.values())
-    fewer = [f"{count} in {word_for(family)}" for family, count in counts.items() if count < most]
-    return ", ".join([f"{most}", *fewer])
-
-
-def encoder_of(main: pd.DataFrame) -> str:
-    """What reads what the agents of a table see, in words."""
-    looks = ", ".join(LOOKS.get(name, name) for name in sorted(set(map(str, main["observation"]))))
-    return f"{stated(main, 'algorithm.encoder', ENCODERS)} on {looks} ({listed(main['observation'])})"
-
-
-def stated(main: pd.DataFrame, setting: str, words: Mapping[str, str] = {}) -> str:
+def stated(main: pd.DataFrame, setting: str, words: Mapping[str, str]) -> str:
     """The values of a setting in a table, some of them in words; tables that do not have the setting say nothing of it."""
     if setting not in main or np.any(main[setting].isna()):
         return f"unknown: these tables do not state {setting}"
-    return ", ".join(words.get(value, value) for value in sorted(set(map(str, main[setting]))))
-
-
-def episodes_of(main: pd.DataFrame) -> str:
-    """How many episodes an evaluation has on training and on test levels."""
-    train, test = (column(main, f"episodes_{levels}_deterministic") for levels in ("train", "test"))
-    fewest = f"{train.min():.0f}{' or more' if train.min() < train.max() else ''} on training levels"
-    each = "test_levels" in main and np.array_equal(test, column(main, "test_levels"))
-    return f"{fewest}, {'one on each test level' if each else f'{listed(test.astype(int))} on test levels'}"
+    return ", ".join(words.get(str(value), str(value)) for value in sorted(set(main[setting])))
 
 
 def what_was_run(evidence: Evidence) -> list[Block]:

@@ -9,7 +9,7 @@ import pandas as pd
 from analysis.plotting.names import panel_name, word_for
 from analysis.report.captions import TABLES
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
-from analysis.report.claims.evidence import DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence
+from analysis.report.claims.evidence import BLOCKS, DISTANCES, GAPS, PERMUTATION, Evidence
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import comparison
 from analysis.report.claims.specifications import specifications
@@ -81,18 +81,21 @@ def cell(value: float, name: str) -> str:
 
 def main_table(evidence: Evidence) -> Table:
     """Pooled and partial correlations, with the interval of blocks and the p of a permutation."""
-    rows = []
-    for mode in evidence.modes:
-        for gap in ("gap_2022", "gap"):
-            for test in GIVEN:
-                one = evidence.of_main(mode, gap, test)
-                shuffled = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=PERMUTATION)
-                rows.append([
-                    DISTANCES[mode], GAPS[gap], test, *effect_of_r(one), p_value(one.p),
-                    p_value(shuffled.p), f"{one.n:.0f}",
-                ])  # fmt: skip
-    head = ("distance", "returns", "test", "r", "95 %", "p", "p, permuted", "runs")
-    return Table(head, rows, 3, TABLES["main"])
+    by = ["w2", "gap", "test"]
+    permuted = select(evidence.resampled, way=PERMUTATION).set_index(by)["p"].rename("permuted")
+    found = select(evidence.resampled, way=BLOCKS).join(permuted, on=by)
+    return correlation_table(found, {"test": "test"}, "main", permuted="p, permuted")
+
+
+def correlation_table(found: pd.DataFrame, head: Mapping[str, str], caption: str, **more: str) -> Table:
+    """Correlations of W2 and gaps, as printed; ``more`` names columns of further p."""
+    rows = [
+        [*(str(r[name]) for name in head), DISTANCES[r["w2"]], GAPS[r["gap"]], *effect_of_r(Estimate.of_row(r)),
+         *(p_value(r[name]) for name in ("p", *more)), f"{r['n']:.0f}"]
+        for r in found.to_dict("records")
+    ]  # fmt: skip
+    columns = (*head.values(), "distance", "returns", "r", "95 %", "p", *more.values(), "runs")
+    return Table(columns, rows, len(head) + 2, TABLES[caption])
 
 
 def panel_table(evidence: Evidence) -> Table:
@@ -111,32 +114,17 @@ def panel_table(evidence: Evidence) -> Table:
 
 def mixed_table(evidence: Evidence) -> Table:
     """Slopes of the mixed models."""
-    rows = [
-        [DISTANCES[r["w2"]], GAPS[r["gap"]], r["model"], "W2" if str(r["term"]).startswith("w2_") else r["term"],
-         *effect(Estimate.of_row(r)), f"{r['n']:.0f}", r["note"]]
-        for r in evidence.mixed.to_dict("records")
-    ]  # fmt: skip
-    return Table(("distance", "returns", "model", "term", "slope", "95 %", "n", "note"), rows, 4, TABLES["mixed"])
+    words = [one if one == "log n" else "W2" for one in evidence.mixed["term"]]
+    found = evidence.mixed.assign(
+        w2=evidence.mixed["w2"].map(DISTANCES), gap=evidence.mixed["gap"].map(GAPS), term=words
+    )
+    head = {"w2": "distance", "gap": "returns", "model": "model", "note": "note", "term": "term"}
+    return means_table(found, head, "slope", TABLES["mixed"])
 
 
 def sensitivity_table(evidence: Evidence) -> Table:
     """3a, 3a-n and 3a-cell when choices of the analysis change."""
-    rows = [
-        [r["change"], DISTANCES[r["w2"]], GAPS[r["gap"]], r["test"], *effect_of_r(Estimate.of_row(r)),
-         p_value(r["p"]), f"{r['n']:.0f}"]
-        for r in evidence.sensitivity.to_dict("records")
-    ]  # fmt: skip
-    return Table(("change", "distance", "returns", "test", "r", "95 %", "p", "n"), rows, 4, TABLES["sensitivity"])
-
-
-def explained_table(evidence: Evidence) -> Table:
-    """R² of log W2."""
-    found = {(r["w2"], r["of"]): r["r2"] for r in evidence.explained.to_dict("records")}
-    runs = f"{len(evidence.main)}"
-    rows = [
-        [DISTANCES[m], *(plain(found[m, name]) for name in ("panel", "log n", "both")), runs] for m in evidence.modes
-    ]
-    return Table(("distance", "on panel", "on log n", "on both", "runs"), rows, 1, TABLES["explained"])
+    return correlation_table(evidence.sensitivity, {"change": "change", "test": "test"}, "sensitivity")
 
 
 def predictor_table(evidence: Evidence) -> Table:
