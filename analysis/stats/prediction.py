@@ -7,6 +7,7 @@ import pandas as pd
 
 from analysis.stats.association import labels, require
 from analysis.stats.correlation import explained
+from analysis.tables import Floats
 
 
 def left_out(
@@ -30,20 +31,22 @@ def left_out(
         r2 = explained(target, x)
         freedom = len(target) - x.shape[1] - 1
         adjusted = 1 - (1 - r2) * (len(target) - 1) / freedom if freedom > 0 else np.nan
-        rows.append({"predictors": name, "r2": r2, "adjusted_r2": adjusted, "r2_left_out": unseen(target, x, place)})
+        seen = dict(r2=r2, adjusted_r2=adjusted, r2_left_out=gain(target, x, np.empty((len(target), 0)), place))
+        rows.append({"predictors": name, **seen})
     return pd.DataFrame(rows).assign(n=len(target))
 
 
-def unseen(y: np.ndarray, x: np.ndarray, place: np.ndarray) -> float:
-    """R² of predictions for each group from the runs of all others."""
-    names = np.unique(place)
-    design = np.column_stack([np.ones(len(y)), x])
-    wrong = base = 0.0
+def gain(y: Floats, x: Floats, base: Floats, groups: np.ndarray) -> float:
+    """R² of least squares on a constant, ``base`` and ``x`` over that without ``x``, [n, k] each, of groups that are left out
+    in turn; NaN where there are too few rows, or one group."""
+    ones = np.ones((len(y), 1))
+    without, with_x = np.column_stack([ones, base]), np.column_stack([ones, base, x])
+    names, wrong = np.unique(groups), np.zeros(2)
     for name in names:
-        out = place == name
-        if len(names) < 2 or (~out).sum() <= design.shape[1]:
+        out = groups == name
+        if len(names) < 2 or (~out).sum() <= with_x.shape[1]:
             return float("nan")
-        line = np.linalg.lstsq(design[~out], y[~out], rcond=None)[0]
-        wrong += float(((y[out] - design[out] @ line) ** 2).sum())
-        base += float(((y[out] - y[~out].mean()) ** 2).sum())
-    return 1 - wrong / base if base else float("nan")
+        for k, design in enumerate((with_x, without)):
+            line = np.linalg.lstsq(design[~out], y[~out], rcond=None)[0]
+            wrong[k] += float(((y[out] - design[out] @ line) ** 2).sum())
+    return 1 - wrong[0] / wrong[1] if wrong[1] else float("nan")

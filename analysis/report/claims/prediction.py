@@ -6,6 +6,7 @@ import pandas as pd
 from analysis.report.claims.evidence import Evidence
 from analysis.stats.association import labels
 from analysis.stats.correlation import indicators
+from analysis.stats.prediction import gain
 from analysis.tables import Floats, column, keep, mean_by
 
 # Each measure in words, with its column.
@@ -34,8 +35,11 @@ def matched_predictions(evidence: Evidence, runs: pd.DataFrame) -> pd.DataFrame:
         if name not in table:
             continue
         part = keep(table, np.isfinite(column(table, name)))
-        values = np.column_stack([column(part, OUTCOME), standardised(part, name), base_of(part), block_numbers(part)])
-        rows.append(evidence.by_blocks(part, values, gain).row(measure=words))
+        cells = indicators(list(labels(part, ("family", "n"))))
+        blocks = np.unique(labels(part, ("family", "seed")), return_inverse=True)[1]  # predicted as a whole
+        values = np.column_stack([column(part, OUTCOME), standardised(part, name), blocks, cells])
+        found = evidence.by_blocks(part, values, lambda v: gain(v[:, 0], v[:, 1:2], v[:, 3:], v[:, 2]))
+        rows.append(found.row(measure=words))
     return pd.DataFrame(rows)
 
 
@@ -63,26 +67,3 @@ def standardised(table: pd.DataFrame, name: str) -> Floats:
         spread = value[rows].std()
         value[rows] = (value[rows] - value[rows].mean()) / (spread if spread > 0 else 1.0)
     return value
-
-
-def base_of(table: pd.DataFrame) -> Floats:
-    """A constant and indicators of family and n: [rows, cells]."""
-    return np.column_stack([np.ones(len(table)), indicators(list(labels(table, ("family", "n"))))])
-
-
-def block_numbers(table: pd.DataFrame) -> Floats:
-    """The number of each row's seed of a family, which is predicted as a whole."""
-    return np.unique(labels(table, ("family", "seed")), return_inverse=True)[1].astype(np.float64)
-
-
-def gain(values: Floats) -> float:
-    """R² out of sample on outcome (first column) of measure (second) and base (others but the last), less that of the base
-    alone; the last column numbers the blocks that are left out in turn."""
-    y, measure, base, block = values[:, 0], values[:, 1:2], values[:, 2:-1], values[:, -1]
-    wrong = np.zeros(2)
-    for one in np.unique(block):
-        out = block == one
-        for k, x in enumerate((np.column_stack([base, measure]), base)):
-            line = np.linalg.lstsq(x[~out], y[~out], rcond=None)[0]
-            wrong[k] += float(((y[out] - x[out] @ line) ** 2).sum())
-    return 1 - wrong[0] / wrong[1] if wrong[1] else float("nan")

@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import panel_name, word_for
+from analysis.plotting.names import word_for
 from analysis.report.captions import TABLES
 from analysis.report.claims.claim import METRIC_OURS
-from analysis.report.claims.evidence import DISTANCES, Evidence
+from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
 from analysis.report.claims.statements import stated
@@ -16,7 +16,7 @@ from analysis.report.claims.tests import SAME, differences
 from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
 from analysis.report.document.tables import frames_of, means, means_table, row_of
 from analysis.report.number_format import NONE, effect, estimate_text, listed, p_value, plain
-from analysis.report.results import shifts_in_words, with_panel
+from analysis.report.results import shifts_in_words
 from analysis.stats.estimate import Estimate
 from analysis.tables import count_of, select
 
@@ -28,18 +28,9 @@ def blocks(evidence: Evidence, drawn: Drawer, boxes: Callable[..., list[Block]])
     """All experiments beyond the paper, in the order of the report, with the ``boxes`` of the claims about them."""
     parts: list[Block] = [Heading("Beyond the paper")]
     for title, figure, tables_of in EXPERIMENTS:
-        parts += [Heading(title, 3), *(drawn(figure) if figure else ()), *(tables_of(evidence) if tables_of else ())]
+        parts += [Heading(title, 3), *drawn(figure), *(tables_of(evidence) if tables_of else ())]
         parts += boxes(*CLAIMS.get(figure, ()))
     return parts
-
-
-def designs(evidence: Evidence) -> list[Block]:
-    """The gap of each design of training sets."""
-    runs = evidence.results.of("fixed_n")
-    if count_of(runs, "design") < 2:
-        return []
-    found = means(evidence, runs.assign(design=[word_for(one) for one in runs["design"]]), ["design"], "gap")
-    return [means_table(found, {"design": "design"}, "gap", TABLES["gap"])]
 
 
 def compared(evidence: Evidence) -> list[Block]:
@@ -165,36 +156,9 @@ def true_factors(evidence: Evidence) -> list[Block]:
     ]
 
 
-def distances(evidence: Evidence) -> list[Block]:
-    """R² of W2 on panel and number of levels."""
-    table = evidence.results.studies.get("w2_study", {}).get("explained", pd.DataFrame())
-    models = ("panel", "log_n", "panel_and_log_n", "cell")
-    rows = [
-        [DISTANCES[str(r["mode"])], f"{r['points']:.0f}", *(plain(r[model]) for model in models)]
-        for r in table.to_dict("records")
-    ]
-    head = ("W2", "points", "on panel", "on log n", "on both", "on cells")
-    caption = "R² of log W2, without training. Data: `studies/w2_study/explained.csv`."
-    return [Table(head, rows, 1, caption)] if rows else []
-
-
-def baselines(evidence: Evidence) -> list[Block]:
-    """Returns of the players between which scores are normalised."""
-    table = evidence.results.studies.get("anchors", {}).get("anchors", pd.DataFrame())
-    if table.empty:
-        return [Paragraph("It was not run (`experiments=[anchors]`).")]
-    players = [p for p in ("idle", "random", "floor", "script", "oracle") if p in set(table["player"])]
-    rows = []
-    for panel, part in with_panel(table).groupby("panel", sort=False):
-        found = {r["player"]: [plain(r["return"], 1), plain(r["success"])] for r in part.to_dict("records")}
-        rows.append([panel_name(panel), *(cell for player in players for cell in found.get(player, ["", ""]))])
-    head = ["panel", *(text for player in players for text in (f"{word_for(player)}, return", "success"))]
-    return [Table(head, rows, 1, TABLES["players"])]
-
-
 # The claims about what a figure shows.
 CLAIMS = {"rule_sets": ("rule-sets", "rule-sets-unseen", "rule-set-distance"), "trials": ("memory",)}
-# Title, figure if any, and tables if any.
+# Title, figure, and tables if any.
 EXPERIMENTS: Sequence[tuple[str, str, Callable[[Evidence], list[Block]] | None]] = (
     ("Diversity of the training set", "diversity", None),
     ("Other physics", "rules", physics),
@@ -203,7 +167,6 @@ EXPERIMENTS: Sequence[tuple[str, str, Callable[[Evidence], list[Block]] | None]]
     ("Other textures", "visual", looks),
     ("Hardness by reward", "hardness", None),
     ("Agents that see the factors", "upper_bound", true_factors),
-    ("W2 without training", "w2_study", distances),
-    ("What chance and a planner reach", "", baselines),
+    ("W2 without training", "w2_study", None),
     ("Which factors make the gap", "attribution", attributed),
 )

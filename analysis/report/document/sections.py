@@ -104,14 +104,12 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         *section("W2, coverage or diversity?", 2, "matched_sets", "matched-w2", "matched-coverage"),
         *beyond.matched(evidence),
         *section("Ten levels, picked in several ways", 3, "fixed_n", "fixed-n"),
-        *beyond.designs(evidence),
         *section("Each panel by itself", 2, "figure_3b", "3b-trend", "3b-easy", "3b-empty", "3b-weak"),
         *(panels_and_cells(evidence, drawn) if there else ()),
         *section("Out of distribution", 2, "figure_4a", "4a-larger", "4a-shift", "4a-trend", "4a-all"),
         *section("What representations know", 2, "figure_4b", "4b-train", "4b-none"),
         *section("Self-supervised losses", 3, "figure_5a", "5a-gap", "5a-similar", "5a-trends"),
         *section("Mass and frame stack", 3, "appendix_mass"),
-        *masses(evidence),
         *boxes("A-mass", "A-flip"),
         *section("Learning", 2, "figure_5b", "5b-diversity", "5b-easy"),
         *section("SAC", 3, "appendix_sac", "A-sac-easy", "A-sac-hard"),
@@ -196,16 +194,6 @@ def what_survives(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> li
     return [Heading("What survives other choices", 3), *drawn("specification_curves"), *counted]
 
 
-def masses(evidence: Evidence) -> list[Block]:
-    """The success of agents with the mass shown and hidden."""
-    table = evidence.results.masses
-    if table.empty:
-        return []
-    found = tables.means(evidence, table, ["past", "mass", "levels"], SUCCESS)
-    head = {"past": "the agent has", "mass": "mass", "levels": "training levels"}
-    return [tables.means_table(found, head, "success", TABLES["masses"], plain)]
-
-
 def estimates(evidence: Evidence) -> list[Block]:
     """All correlations of the main grid, and what they rest on."""
     return [
@@ -214,7 +202,6 @@ def estimates(evidence: Evidence) -> list[Block]:
         tables.sensitivity_table(evidence),
         Paragraph(confound(evidence)),
         tables.mixed_table(evidence),
-        tables.predictor_table(evidence),
     ]
 
 
@@ -224,8 +211,6 @@ def panels_and_cells(evidence: Evidence, drawn: Callable[[str], list[Block]]) ->
         tables.panel_table(evidence),
         Heading("How many levels close the gap", 3),
         *drawn("train_and_test"),
-        Heading("All cells", 3),
-        tables.cell_table(evidence.ungated.main),
     ]
 
 

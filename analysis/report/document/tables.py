@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import panel_name, word_for
+from analysis.plotting.names import panel_name
 from analysis.report.captions import TABLES
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import BLOCKS, DISTANCES, GAPS, PERMUTATION, Evidence
@@ -21,12 +21,10 @@ from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, mean_by, select
 
 LEARNED_FROM = "success_train_deterministic"  # what the gate looks at
-CELL_COLUMNS = {
-    "w2_reference": 3, "w2_exact": 3, "eta_train_deterministic": 2, "eta_test_deterministic": 2, "gap": 2, "gap_se": 2,
-    "gap_2022": 2, "success_train_deterministic": 2, "success_test_deterministic": 2, "death_test_deterministic": 2,
-}  # fmt: skip
-CELL_HEAD = ("W2 of 2022", "exact W2", "return, train", "return, test", "gap", "its error", "gap of 2022", "success, train",
-             "success, test", "deaths, test")  # fmt: skip
+CELL_COLUMNS = (
+    "w2_reference", "w2_exact", "eta_train_deterministic", "eta_test_deterministic", "gap", "gap_se", "gap_2022",
+    "success_train_deterministic", "success_test_deterministic", "death_test_deterministic",
+)  # fmt: skip
 
 
 def statistics(evidence: Evidence) -> dict[str, pd.DataFrame]:
@@ -59,24 +57,6 @@ def cells(main: pd.DataFrame) -> pd.DataFrame:
 def frames_of(table: pd.DataFrame) -> str:
     """Numbers of frames, with commas."""
     return ", ".join(f"{n:,}" for n in sorted(set(table["frames"])))
-
-
-def cell_table(main: pd.DataFrame) -> Table:
-    """All cells, as printed."""
-    table = cells(main)
-    shown = [(name, head) for name, head in zip(CELL_COLUMNS, CELL_HEAD, strict=True) if name in table]
-    rows = [
-        [word_for(r["family"]), r["difficulty"], str(r["n"]), str(r["seeds"]),
-         *(cell(r[name], name) for name, _ in shown)]
-        for r in table.to_dict("records")
-    ]  # fmt: skip
-    head = ["family", "difficulty", "n", "seeds", *(head for _, head in shown)]
-    return Table(head, rows, 2, TABLES["cells"], folded=True)
-
-
-def cell(value: float, name: str) -> str:
-    """A number of a cell."""
-    return (signed if name.startswith("gap") and name != "gap_se" else plain)(value, CELL_COLUMNS[name])
 
 
 def main_table(evidence: Evidence) -> Table:
@@ -125,16 +105,6 @@ def mixed_table(evidence: Evidence) -> Table:
 def sensitivity_table(evidence: Evidence) -> Table:
     """3a, 3a-n and 3a-cell when choices of the analysis change."""
     return correlation_table(evidence.sensitivity, {"change": "change", "test": "test"}, "sensitivity")
-
-
-def predictor_table(evidence: Evidence) -> Table:
-    """R² of the gap on W2 and on log n, also on panels that were left out."""
-    rows = [
-        [str(r["predictors"]).replace("reference", "2022").replace("paper", "Algorithm 1"), plain(r["adjusted_r2"]),
-         plain(r["r2_left_out"])]
-        for r in evidence.predictors.to_dict("records")
-    ]  # fmt: skip
-    return Table(("predictors", "adjusted R²", "R² on a new panel"), rows, 1, TABLES["predictor"])
 
 
 def gate_table(evidence: Evidence) -> Table:
