@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.plotting import style
-from analysis.plotting.figures import METADATA, new_figure, save_figure
+from analysis.plotting.figures import METADATA, error_bars, figure_of_panels, save_figure
 from analysis.stats.estimate import mean_of_replicates
 from analysis.tables import column, select
 from experiments.commands.command_line import run_from_command_line
@@ -22,7 +22,6 @@ from segar.errors import SegarError
 
 CAUSES = "causes.csv"  # as experiments.evaluation.causes writes it
 DIFFERS, CONTROL = "#0072B2", "#BBBBBB"
-ACROSS = 3  # panels side by side
 FIGURES = ("effect", "attributed")
 
 
@@ -92,16 +91,12 @@ def causes_plot(
         raise SegarError(f"figure must be one of {', '.join(FIGURES)}, not '{figure}'")
     table = profile_of_causes(causes, mode)
     suites = list(dict.fromkeys(table["suite"]))
-    across = min(ACROSS, len(suites))
-    down = -(-len(suites) // across)
     most = max(len(select(table, suite=name)) for name in suites)
     with style.applied():
-        drawn = new_figure(0.8 + 3.1 * across, 0.9 + down * (0.6 + 0.3 * most))
-        grid = np.atleast_1d(drawn.subplots(down, across, sharex=True, squeeze=False)).ravel()
+        drawn, grid = figure_of_panels(len(suites), 3.4, 0.6 + 0.3 * most, 0.9)
         for axes, name in zip(grid, suites, strict=False):
+            axes.sharex(grid[0])
             _draw(axes, select(table, suite=name), figure, str(name))
-        for axes in grid[len(suites) :]:
-            axes.axis("off")
         what = "success gained" if figure == "effect" else "share of failures that end"
         drawn.supxlabel(f"{what} where this group alone\nis as in training, 95 %", fontsize=10)
     if path is not None:
@@ -113,13 +108,11 @@ def causes_plot(
 def _draw(axes: Axes, part: pd.DataFrame, figure: str, title: str) -> None:
     """One suite."""
     at = np.arange(len(part))[::-1]
-    value, low, high = (column(part, f"{figure}{end}") for end in ("", "_low", "_high"))
-    bars = np.nan_to_num(np.array([value - low, high - value])).clip(min=0)
+    value = np.nan_to_num(column(part, figure))
+    bars = error_bars(part.rename(columns={f"{figure}_low": "low", f"{figure}_high": "high"}), figure)
     colours = [DIFFERS if differs else CONTROL for differs in part["differs"]]
-    axes.barh(at, np.nan_to_num(value), height=0.62, color=colours, zorder=2)
-    axes.errorbar(
-        np.nan_to_num(value), at, xerr=bars, fmt="none", ecolor="#333333", elinewidth=1.2, capsize=2.5, zorder=3
-    )
+    axes.barh(at, value, height=0.62, color=colours, zorder=2)
+    axes.errorbar(value, at, xerr=bars, fmt="none", ecolor="#333333", elinewidth=1.2, capsize=2.5, zorder=3)
     axes.axvline(0, color="#999999", linewidth=0.8, zorder=1)
     axes.set_yticks(at, [str(name) for name in part["group"]])
     axes.grid(axis="y", visible=False)

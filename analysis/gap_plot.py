@@ -18,7 +18,16 @@ from matplotlib.figure import Figure
 
 from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels
 from analysis.plotting import style
-from analysis.plotting.figures import DOT, METADATA, draw_line, new_figure, save_figure, zero_line
+from analysis.plotting.figures import (
+    DOT,
+    METADATA,
+    draw_line,
+    error_bars,
+    legend_below,
+    new_figure,
+    save_figure,
+    zero_line,
+)
 from analysis.runs import (
     LEVEL_SETS,
     about_level_sets,
@@ -92,11 +101,10 @@ def gap_plot(
         raise SegarError(f"no finished run has both {x} and {y}")
     both, about_unit = _with_unit(both, x, asked)
     x = COMMON if COMMON in both and asked == "w2" else x
-    group = next(iter(_groups(both)), None) if group is None else _group_named(both, group)
-    names = ["all runs"] * len(both) if group is None else [_short(value) for value in both[group]]
-    if len(set(names)) > MOST_GROUPS:
-        raise SegarError(f"group: {group} has {len(set(names))} values, and {MOST_GROUPS} colours can be told apart")
-    shown = both.assign(group=names)
+    group = next(iter(_groups(both)), None) if group is None else column_name(both, group)
+    shown = both.assign(group="all runs" if group is None else both[group])
+    if (count := count_of(shown, "group")) > MOST_GROUPS:
+        raise SegarError(f"group: {group} has {count} values, and {MOST_GROUPS} colours can be told apart")
     points = _cells(shown, x, y) if cells else _runs(shown, x, y)
     with style.applied():
         figure = new_figure(6.2, 4.6)
@@ -119,7 +127,7 @@ def gap_plot(
         wrapped = (part for line in lines for part in textwrap.wrap(line, TITLE_WIDTH))
         axes.set_title("\n".join(wrapped), loc="left", fontsize=9)
         if group is not None:
-            figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", title=group, ncols=4)
+            legend_below(figure, axes, 4, group)
     if path is not None:
         path = Path(path).expanduser().resolve()
         save_figure(figure, path, (path.suffix,))
@@ -186,15 +194,6 @@ def _cells_of(runs: pd.DataFrame) -> list[str]:
     return list(names_of(runs, by))
 
 
-def _group_named(runs: pd.DataFrame, name: str) -> str:
-    """The column that a name means; raises :class:`SegarError` that lists the settings that colours could show."""
-    try:
-        return column_name(runs, name)
-    except SegarError as error:
-        known = ", ".join(_groups(runs)) or "none of these runs"
-        raise SegarError(f"group: the runs have no column '{name}'. Settings that colours can show: {known}") from error
-
-
 def _groups(runs: pd.DataFrame) -> list[str]:
     """The settings that colours can show, the preferred ones first: those that vary, and not too much."""
     varied = settings_varied(runs) if "state" in runs else [name for name in PREFERRED if name in runs]
@@ -202,16 +201,10 @@ def _groups(runs: pd.DataFrame) -> list[str]:
     return list(dict.fromkeys(name for name in (*PREFERRED, *fitting) if name in fitting))
 
 
-def _short(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 def _runs(runs: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
     """A point per run: ``x``, ``y``, ``group``, and ``low`` and ``high`` of y where its standard error is known."""
-    error = (
-        column(runs, y.replace("gap_", "gap_se_")) if y.replace("gap_", "gap_se_") in runs and "gap_" in y else np.nan
-    )
-    at = column(runs, y)
+    of_errors, at = y.replace("gap_", "gap_se_"), column(runs, y)
+    error = column(runs, of_errors) if of_errors != y and of_errors in runs else np.nan
     return pd.DataFrame(
         {"x": column(runs, x), "y": at, "group": runs["group"], "low": at - NORMAL * error, "high": at + NORMAL * error}
     )
@@ -227,26 +220,16 @@ def _cells(runs: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
 
 
 def _draw(axes: Axes, points: pd.DataFrame) -> None:
-    numbers = sorted(set(points["group"]), key=lambda name: (float(name) if _is_number(name) else 0.0, name))
-    names = numbers if all(map(_is_number, numbers)) else style.ordered(points["group"])
-    colours = dict(zip(names, style.SEQUENCE, strict=False)) if names is numbers else style.colours(names)
-    markers = dict(zip(names, style.MARKERS, strict=False))
-    for name in names:
+    is_ordered = pd.api.types.is_numeric_dtype(points["group"])
+    names = sorted(set(points["group"])) if is_ordered else style.ordered(points["group"])
+    colours = dict(zip(names, style.SEQUENCE, strict=False)) if is_ordered else style.colours(names)
+    for name, marker in zip(names, style.MARKERS, strict=False):
         part = select(points, group=name)
-        y, low, high = (column(part, which) for which in ("y", "low", "high"))
-        bars = np.nan_to_num(np.array([y - low, high - y]))
         look = {"fmt": "none", "ecolor": colours[name], "alpha": 0.35, "elinewidth": 1, "zorder": 2}
-        axes.errorbar(column(part, "x"), y, yerr=bars, **look)
-        axes.scatter(column(part, "x"), y, s=36, zorder=3, marker=markers[name], color=colours[name], label=name, **DOT)
+        axes.errorbar(column(part, "x"), column(part, "y"), yerr=error_bars(part, "y"), **look)
+        look = {"marker": marker, "color": colours[name], "label": f"{name:g}" if is_ordered else name, **DOT}
+        axes.scatter(column(part, "x"), column(part, "y"), s=36, zorder=3, **look)
     zero_line(axes)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _counts(runs: pd.DataFrame, points: pd.DataFrame, left_out: int, cells: bool) -> str:

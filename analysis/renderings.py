@@ -11,35 +11,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+import segar
 from analysis.plotting import style
 from analysis.plotting.figures import METADATA, new_figure
 from experiments.commands.command_line import run_from_command_line
 from experiments.runs.files import replacing
-from segar.language import (
-    Ball,
-    Bumper,
-    Charge,
-    Charger,
-    Damper,
-    Entity,
-    FireTile,
-    GoalTile,
-    GolfBall,
-    Heat,
-    Hexagon,
-    Hole,
-    MagmaTile,
-    Magnet,
-    Magnetism,
-    Mobile,
-    Order,
-    Position,
-    SandTile,
-    Shape,
-    Square,
-    Triangle,
-)
-from segar.levels import Levels, family
+from segar.language import Heat, Hexagon, Order, Square, Triangle
 from segar.observations import Pixels, TexturedPixels
 from segar.textures import TextureSet
 
@@ -59,7 +36,7 @@ def run(output: Path = Path("renderings")) -> None:
 
 def tasks() -> list[Panel]:
     """Figure 2c: two tasks in solid colours."""
-    billiards = family("billiards").sample(1, seed=0)
+    billiards = segar.family("billiards").sample(1, seed=0)
     return [
         ("PuttPutt", first_frame(course(), Pixels(RESOLUTION))),
         ("Billiards", first_frame(billiards, Pixels(RESOLUTION))),
@@ -82,25 +59,25 @@ def variants(textures: str = "five", count: int = 3) -> list[Panel]:
     ]
 
 
-def course() -> Levels:
+def course() -> segar.Levels:
     """A level of PuttPutt with something of everything."""
-    things: Sequence[Entity] = (
-        GolfBall({Position: (-0.75, -0.7)}),
-        GoalTile({Position: (0.72, 0.68)}),
-        SandTile({Position: (-0.45, 0.5), Shape: Hexagon(0.75), Order: 3}),
-        MagmaTile({Position: (0.5, -0.55), Shape: Square(0.6), Order: 4}),
-        FireTile({Position: (-0.1, -0.55), Shape: Triangle(0.6), Heat: 0.5, Order: 5}),
-        Hole({Position: (0.1, 0.72), Shape: Hexagon(0.3)}),
-        Charger({Position: (-0.6, -0.1), Charge: -1.0}),
-        Ball({Position: (0.15, 0.1)}),
-        Magnet({Position: (0.7, 0.1), Magnetism: -1.0}),
-        Bumper({Position: (-0.3, 0.5), Mobile: True}),
-        Damper({Position: (0.45, -0.1)}),
+    things: Sequence[segar.Entity] = (
+        segar.GolfBall({segar.Position: (-0.75, -0.7)}),
+        segar.GoalTile({segar.Position: (0.72, 0.68)}),
+        segar.SandTile({segar.Position: (-0.45, 0.5), segar.Shape: Hexagon(0.75), Order: 3}),
+        segar.MagmaTile({segar.Position: (0.5, -0.55), segar.Shape: Square(0.6), Order: 4}),
+        segar.FireTile({segar.Position: (-0.1, -0.55), segar.Shape: Triangle(0.6), Heat: 0.5, Order: 5}),
+        segar.Hole({segar.Position: (0.1, 0.72), segar.Shape: Hexagon(0.3)}),
+        segar.Charger({segar.Position: (-0.6, -0.1), segar.Charge: -1.0}),
+        segar.Ball({segar.Position: (0.15, 0.1)}),
+        segar.Magnet({segar.Position: (0.7, 0.1), segar.Magnetism: -1.0}),
+        segar.Bumper({segar.Position: (-0.3, 0.5), segar.Mobile: True}),
+        segar.Damper({segar.Position: (0.45, -0.1)}),
     )
-    return Levels.from_entities([things])
+    return segar.Levels.from_entities([things])
 
 
-def first_frame(levels: Levels, observation: Any) -> np.ndarray:
+def first_frame(levels: segar.Levels, observation: Any) -> np.ndarray:
     """What the observation shows of the first level at its start, uint8 ``[rows, columns, 3]``."""
     bound, first, everywhere = observation.bind(levels, 1), np.zeros(1, np.int64), np.ones(1, np.bool_)
     if hasattr(bound, "start"):

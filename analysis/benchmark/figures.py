@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from analysis.benchmark.causes import EFFECT
 from analysis.benchmark.scores import OVERALL
 from analysis.plotting import style
-from analysis.plotting.figures import new_figure, zero_line
+from analysis.plotting.figures import error_bars, legend_below, new_figure, zero_line
 from analysis.tables import column, select
 from experiments.benchmarking.protocol import REFERENCES
 
@@ -35,7 +35,7 @@ def profile_figure(board: pd.DataFrame, rows: Sequence[str], axes_names: Sequenc
         for axes, (quantity, label) in zip(all_three, PROFILED.items(), strict=True):
             _draw_profile(axes, select(board, quantity=quantity), rows, axes_names)
             axes.set_ylabel(f"{label} (IQM)")
-        _legend(figure, all_three[0])
+        legend_below(figure, all_three[0], 3)
     return figure
 
 
@@ -54,7 +54,7 @@ def performance_figure(shares: pd.DataFrame, rows: Sequence[str]) -> Figure:
             axes.set_xlabel(label)
             axes.set_ylim(-0.02, 1.02)
         both[0].set_ylabel("share of runs above it")
-        _legend(figure, both[0])
+        legend_below(figure, both[0], 3)
     return figure
 
 
@@ -64,10 +64,8 @@ def _draw_profile(axes: Axes, board: pd.DataFrame, rows: Sequence[str], axes_nam
     for i, row in enumerate(rows):
         part = select(board, row=row).set_index("axis").reindex(list(axes_names)).reset_index()
         place = np.arange(len(axes_names)) + SPREAD * ((i + 0.5) / len(rows) - 0.5)
-        y, low, high = (column(part, name) for name in ("estimate", "low", "high"))
-        bars = np.nan_to_num(np.array([np.maximum(y - low, 0), np.maximum(high - y, 0)]))
         look: dict[str, Any] = {"fmt": markers[row], "color": colours[row], "markersize": 6, "elinewidth": 1.2}
-        axes.errorbar(place, y, yerr=bars, label=row, **look)
+        axes.errorbar(place, column(part, "estimate"), yerr=error_bars(part, "estimate"), label=row, **look)
     zero_line(axes)
     axes.axhline(1, color="#999999", linewidth=0.8, zorder=1)
     for edge in np.arange(len(axes_names) - 1) + 0.5:
@@ -82,7 +80,3 @@ def _looks(rows: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
     ordered = sorted(rows)
     colours = {row: style.PALETTE[i % len(style.PALETTE)] for i, row in enumerate(ordered)}
     return colours, {row: style.MARKERS[i % len(style.MARKERS)] for i, row in enumerate(ordered)}
-
-
-def _legend(figure: Figure, axes: Axes) -> None:
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)

@@ -29,6 +29,7 @@ METADATA: dict[str, dict[str, Any]] = {
 DOT: dict[str, Any] = {"edgecolors": "white", "linewidths": 0.6}  # what all scattered dots look like
 LINE_POINTS = 6  # fewer have no line: through three points there is nearly always a good one
 PAGE_WIDTH = 9.4  # [in] of a figure that is as wide as a page's text; its letters are then three quarters as large
+ACROSS = 3  # axes in a row at most, of figures that have one per panel
 COLOURS_OF_PNG = 128  # a palette makes files a third as large, and line art does not show it
 
 
@@ -95,3 +96,30 @@ def legend_of(table: pd.DataFrame) -> list[Line2D]:
     families = [Line2D([], [], marker="o", color=c, label=word_for(name), **dot) for name, c in colours.items()]
     grey = [Line2D([], [], marker=mark, color="#777777", label=name, **dot) for name, mark in markers.items()]
     return families + grey
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int, title: str | None = None) -> None:
+    """The legend of one of the figure's axes, below all of them."""
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=columns, title=title)
+
+
+def error_bars(table: pd.DataFrame, middle: str) -> np.ndarray:
+    """How far the columns ``low`` and ``high`` lie from ``middle``, float64 ``[2, rows]``; 0 where there is no interval."""
+    y, low, high = (column(table, name) for name in (middle, "low", "high"))
+    return np.nan_to_num(np.array([np.maximum(y - low, 0), np.maximum(high - y, 0)]))
+
+
+def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:
+    """A figure with so many axes, each of this size in inches; ``below`` is for the legend."""
+    columns = across(count)
+    rows = -(-count // columns)
+    figure = new_figure(width * columns, height * rows + below)
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.set_visible(False)
+    return figure, grid
+
+
+def across(count: int) -> int:
+    """How many of so many axes stand in a row."""
+    return 2 if count == 4 else min(count, ACROSS)

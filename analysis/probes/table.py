@@ -129,7 +129,7 @@ def components(frames: Frames, rng: np.random.Generator) -> Pairs:
     some = rng.permutation(len(pairs))[:FITTED_ON]
     size = min(COMPONENTS, len(some), pairs.representation.shape[1])
     start = int(rng.integers(2**31))
-    model = PCA(size, svd_solver="randomized", iterated_power=POWER_ITERATIONS, random_state=start)
+    model = PCA(size, svd_solver="randomized", iterated_power=POWER_ITERATIONS, random_state=start)  # type: ignore[arg-type]
     return pairs.with_representation(model.fit(pairs.representation[some]).transform(pairs.representation))
 
 

@@ -186,18 +186,10 @@ class Results:
         return dict(sorted(found.items(), key=lambda one: -sum(one[1])))
 
     def missing_runs(self) -> list[str]:
-        """The names of the runs and tests of the plan that are missing.
-
-        Where the plan is not known, the cells of the main grid that no run has: every combination of the families,
-        difficulties, numbers of levels and seeds of the runs should have one."""
-        if self.missing is not None:
-            return [f"{run}: {reason}" for run, reason in zip(self.missing["run"], self.missing["reason"], strict=True)]
-        if self.main.empty:
+        """The names of the runs and tests of the plan that are missing; none where the plan is not known."""
+        if self.missing is None:
             return []
-        values = [sorted(set(self.main[name])) for name in (*PANEL, "n", "seed")]
-        there = set(self.main[[*PANEL, "n", "seed"]].itertuples(index=False, name=None))
-        cells = pd.MultiIndex.from_product(values)
-        return [f"{f}-{d} n={n} seed={s}" for f, d, n, s in cells if (f, d, n, s) not in there]
+        return [f"{run}: {reason}" for run, reason in zip(self.missing["run"], self.missing["reason"], strict=True)]
 
 
 def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:

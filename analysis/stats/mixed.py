@@ -26,8 +26,6 @@ class MixedModel:
 
     fixed: pd.DataFrame
     random: pd.DataFrame
-    log_likelihood: float
-    converged: bool
     note: str
 
     def term(self, name: str) -> Estimate:
@@ -92,7 +90,7 @@ def mixed_model(
         {"effect": name, "groups": groups, "variance": v, "share": v / variances.sum()}
         for (name, groups), v in zip(effects, variances, strict=True)
     ]
-    return MixedModel(pd.DataFrame(rows), pd.DataFrame(random_rows), float(found.llf), bool(found.converged), note)
+    return MixedModel(pd.DataFrame(rows), pd.DataFrame(random_rows), note)
 
 
 def model_table(

@@ -93,7 +93,6 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
     there = len(evidence.ungated.main) > 0
     blocks: list[Block] = [
         *answer(evidence, by_name),
-        *drawn("task"),
         *what_is_missing(evidence),
         Heading("Words"),
         Bullets(GLOSSARY),

@@ -62,7 +62,7 @@ def frames_of(table: pd.DataFrame) -> str:
 def main_table(evidence: Evidence) -> Table:
     """Pooled and partial correlations, with the interval of blocks and the p of a permutation."""
     by = ["w2", "gap", "test"]
-    permuted = select(evidence.resampled, way=PERMUTATION).set_index(by)["p"].rename("permuted")
+    permuted = select(evidence.resampled, way=PERMUTATION).set_index(by)[["p"]].rename(columns={"p": "permuted"})
     found = select(evidence.resampled, way=BLOCKS).join(permuted, on=by)
     return correlation_table(found, {"test": "test"}, "main", permuted="p, permuted")
 
@@ -95,9 +95,7 @@ def panel_table(evidence: Evidence) -> Table:
 def mixed_table(evidence: Evidence) -> Table:
     """Slopes of the mixed models."""
     words = [one if one == "log n" else "W2" for one in evidence.mixed["term"]]
-    found = evidence.mixed.assign(
-        w2=evidence.mixed["w2"].map(DISTANCES), gap=evidence.mixed["gap"].map(GAPS), term=words
-    )
+    found = evidence.mixed.replace({"w2": DISTANCES, "gap": GAPS}).assign(term=words)
     head = {"w2": "distance", "gap": "returns", "model": "model", "note": "note", "term": "term"}
     return means_table(found, head, "slope", TABLES["mixed"])
 

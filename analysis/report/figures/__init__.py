@@ -1,13 +1,13 @@
 """The report's figures, by name: each is drawn from the evidence, or a sentence says why it is not.
 
-``task``, ``main_grid``, ``agents`` and ``beyond`` draw them, with what ``drawing`` has in common. This room imports claims,
+``main_grid``, ``agents`` and ``beyond`` draw them, with what ``drawing`` has in common. This room imports claims,
 plotting and results; others use :data:`FIGURES`.
 """
 
 from collections.abc import Callable, Mapping
 
 from analysis.report.claims.evidence import Evidence
-from analysis.report.figures import agents, beyond, main_grid, task
+from analysis.report.figures import agents, beyond, main_grid
 from analysis.report.figures.drawing import Drawn
 
 __all__ = ["FIGURES", "Draw", "Drawn"]
@@ -17,7 +17,7 @@ Draw = Callable[[Evidence], Drawn | str]  # the figure, or why there is none
 FIGURES: Mapping[str, Draw] = {
     draw.__name__: draw
     for draw in (
-        task.task, main_grid.figure_3a, main_grid.specification_curves, main_grid.figure_3b,
+        main_grid.figure_3a, main_grid.specification_curves, main_grid.figure_3b,
         main_grid.train_and_test, main_grid.figure_4a, agents.figure_4b, agents.figure_5a, agents.figure_5b,
         agents.appendix_mass, agents.appendix_sac, agents.performance_profiles, beyond.fixed_n,
         beyond.matched_sets, beyond.diversity, beyond.attribution, beyond.rules, beyond.rule_sets, beyond.trials, beyond.visual,

@@ -6,7 +6,16 @@ import numpy as np
 import pandas as pd
 
 from analysis.plotting import style
-from analysis.plotting.figures import DOT, PAGE_WIDTH, draw_points, legend_of, new_figure, zero_line
+from analysis.plotting.figures import (
+    DOT,
+    PAGE_WIDTH,
+    draw_points,
+    error_bars,
+    legend_below,
+    legend_of,
+    new_figure,
+    zero_line,
+)
 from analysis.plotting.names import word_for
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.rows import all_rule_set_runs, one_number_of_levels, trial_columns, trial_runs
@@ -16,7 +25,6 @@ from analysis.report.figures.drawing import (
     Drawn,
     dots,
     draw_means,
-    legend_below,
     log_axis,
     mean_of_shares,
     success_by_number,
@@ -256,9 +264,9 @@ def matched_sets(evidence: Evidence) -> Drawn | str:
             part = select(table, family=family, n=n, design=design)
             y = column(part, "gap_success")
             axes.scatter(at + np.linspace(-0.18, 0.18, len(y)), y, s=18, color=style.PALETTE[at], alpha=0.6, **DOT)
-            found = mean_of_replicates(y, sides=2)
-            bars = np.nan_to_num(np.array([[found.estimate - found.low], [found.high - found.estimate]]))
-            axes.errorbar(at, found.estimate, yerr=bars, fmt="_", color="#000000", capsize=4, markersize=18)
+            found = pd.DataFrame([mean_of_replicates(y, sides=2).row()])
+            bars = error_bars(found, "estimate")
+            axes.errorbar(at, column(found, "estimate"), yerr=bars, fmt="_", color="#000000", capsize=4, markersize=18)
         axes.set_xticks(range(len(order)), [word_for(name) for name in order], rotation=35, ha="right", fontsize=9)
         axes.set_title(f"{word_for(family)}, n = {n}")
     figure.supylabel("gap in success (test − training)", fontsize=10.5)

@@ -15,7 +15,16 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 
 from analysis.plotting import style
-from analysis.plotting.figures import DOT, draw_line, new_figure, zero_line
+from analysis.plotting.figures import (
+    DOT,
+    across,
+    draw_line,
+    error_bars,
+    figure_of_panels,
+    legend_below,
+    new_figure,
+    zero_line,
+)
 from analysis.plotting.names import panel_name, word_for
 from analysis.report.claims.evidence import Evidence
 from analysis.report.number_format import estimate_text
@@ -27,7 +36,6 @@ from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 CELL = ["family", "difficulty", "n", "seed"]
 SHORT_GAP = "gap (test − training)"
 GAP, GAP_2022 = "gap: return on test − on training levels", "gap, returns of 2022"
-ACROSS = 3  # axes in a row at most, of figures that have one per panel
 
 
 @dataclass(frozen=True)
@@ -87,17 +95,6 @@ def success_by_number(table: pd.DataFrame, by: str, lines: Mapping[str, str], y_
     return figure
 
 
-def legend_below(figure: Figure, axes: Axes, columns: int, title: str | None = None) -> None:
-    """The legend of one of the figure's axes, below all of them."""
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=columns, title=title)
-
-
-def error_bars(table: pd.DataFrame, middle: str) -> np.ndarray:
-    """How far the columns ``low`` and ``high`` lie from ``middle``, float64 ``[2, rows]``; 0 where there is no interval."""
-    y, low, high = (column(table, name) for name in (middle, "low", "high"))
-    return np.nan_to_num(np.array([np.maximum(y - low, 0), np.maximum(high - y, 0)]))
-
-
 def mean_of_shares(values: Sequence[float] | np.ndarray, least: float = 0.0, most: float = 1.0) -> Estimate:
     """The mean of a share, or of a difference of shares, over runs, with Student's interval, which ends at ``least`` and
     ``most``; of fewer than three runs there is none."""
@@ -139,22 +136,6 @@ def draw_means(
     """Means with their intervals at these places, in the look of the k-th of several series."""
     look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label, "linestyle": line}
     axes.errorbar(x, column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
-
-
-def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:
-    """A figure with so many axes, each of this size in inches; ``below`` is for the legend."""
-    columns = across(count)
-    rows = -(-count // columns)
-    figure = new_figure(width * columns, height * rows + below)
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in grid[count:]:
-        axes.set_visible(False)
-    return figure, grid
-
-
-def across(count: int) -> int:
-    """How many of so many axes stand in a row."""
-    return 2 if count == 4 else min(count, ACROSS)
 
 
 def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "") -> Figure:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from analysis.plotting import style
-from analysis.plotting.figures import PAGE_WIDTH, draw_line, draw_points, legend_of, new_figure, zero_line
+from analysis.plotting.figures import PAGE_WIDTH, draw_line, draw_points, error_bars, legend_of, new_figure, zero_line
 from analysis.plotting.names import word_for
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import GIVEN_CELL, Evidence
@@ -146,16 +146,14 @@ def specification_curves(evidence: Evidence) -> Drawn | str:
     left = names[:-1] or names  # below each other; the last one stands on the right
     most = max(sum(rows[name] for name in left), rows[names[-1]])
     figure = new_figure(PAGE_WIDTH, 1.4 + 0.5 * len(left) + 0.18 * most)
-    places = [[name, names[-1]] for name in left]
+    places: list[Any] = [[name, names[-1]] for name in left]
     grid = figure.subplot_mosaic(places, height_ratios=[rows[name] + 3 for name in left])
     for name, words in claims.items():
         axes, part = grid[name], select(table, claim=name).sort_values("estimate", ignore_index=True)
         axes.axvline(0, color="#999999", linewidth=0.8)
-        for at, row in enumerate(part.to_dict("records")):
-            ends = np.array([[row["estimate"] - row["low"]], [row["high"] - row["estimate"]]])
-            axes.errorbar(
-                row["estimate"], at, xerr=ends, fmt="o", color=colours[row["outcome"]], capsize=2, markersize=4
-            )
+        for outcome, rows_of in part.groupby("outcome"):
+            look = {"fmt": "o", "color": colours[str(outcome)], "capsize": 2, "markersize": 4}
+            axes.errorbar(column(rows_of, "estimate"), rows_of.index, xerr=error_bars(rows_of, "estimate"), **look)
         choices = [
             ", ".join(dict.fromkeys((row["measure"], row["number of levels"]))) for row in part.to_dict("records")
         ]

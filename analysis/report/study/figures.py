@@ -10,15 +10,12 @@ from matplotlib.axes import Axes
 
 from analysis.gap_plot import gap_plot
 from analysis.plotting import style
-from analysis.plotting.figures import zero_line
+from analysis.plotting.figures import error_bars, figure_of_panels, legend_below, zero_line
 from analysis.report.document.tables import means
 from analysis.report.figures.drawing import (
     GAP,
     Drawn,
-    error_bars,
     figure_of_curves,
-    figure_of_panels,
-    legend_below,
     log_axis,
 )
 from analysis.report.study.reading import SUCCESS, Study
