@@ -18,7 +18,7 @@ from analysis.report.number_format import effect, effect_of_r, p_value, plain, s
 from analysis.report.results import PANEL
 from analysis.report.rules import GATE_MARGIN
 from analysis.stats.estimate import Estimate
-from analysis.tables import column, count_of, mean_by, select
+from analysis.tables import column, count_of, mean_by, pick, select
 
 LEARNED_FROM = "success_train_deterministic"  # what the gate looks at
 CELL_COLUMNS = (
@@ -62,8 +62,9 @@ def frames_of(table: pd.DataFrame) -> str:
 def main_table(evidence: Evidence) -> Table:
     """Pooled and partial correlations, with the interval of blocks and the p of a permutation."""
     by = ["w2", "gap", "test"]
-    permuted = select(evidence.resampled, way=PERMUTATION).set_index(by)[["p"]].rename(columns={"p": "permuted"})
-    found = select(evidence.resampled, way=BLOCKS).join(permuted, on=by)
+    permuted = select(evidence.resampled, way=PERMUTATION)
+    permuted = pick(permuted.assign(permuted=permuted["p"]), [*by, "permuted"])
+    found = select(evidence.resampled, way=BLOCKS).merge(permuted, on=by, how="left")
     return correlation_table(found, {"test": "test"}, "main", permuted="p, permuted")
 
 

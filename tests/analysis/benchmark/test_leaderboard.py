@@ -11,7 +11,6 @@ from analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_e
 from analysis.benchmark.make import BOARD, CAUSES, IMPROVEMENT, PAGE, PROFILE, PROFILES, SCORES, report_rows
 from analysis.benchmark.scores import COMPARED, OVERALL, figures_of, improvements, leaderboard, rows_in, suites_compared
 from analysis.stats.scores import detectable_difference
-from experiments.benchmarking import protocol
 from experiments.benchmarking.protocol import REFERENCES, SHIPPED
 from experiments.settings import TrackingConfig
 from experiments.tracking.mlflow_store import store_uri
@@ -89,11 +88,6 @@ def test_a_reference_agent_learns_every_suite_and_leaves_room(table, name):
     assert of["train_success"].mean() >= 0.8 and of["test_success"].mean() <= 0.95
 
 
-def test_every_axis_is_a_part_of_all_but_looks(compared):
-    parts = [name for axis, names in compared.items() if axis not in (OVERALL, "look") for name in names]
-    assert parts == compared[OVERALL] and len(set(parts)) == len(parts)
-
-
 def test_a_row_that_lacks_a_suite_is_not_compared_on_it(table, compared):
     less = table.loc[(table["row"] != "script") | (table["suite"] != CORE[0])]
     board = leaderboard(less, compared)
@@ -147,7 +141,3 @@ def test_more_seeds_see_smaller_differences():
     assert detectable_difference(0.2, 5) == pytest.approx(2 * detectable_difference(0.1, 5))
     # Of many, that of the normal distribution: (z of 0.975 + z of 0.8) times sd times the root of 2 / n.
     assert detectable_difference(1.0, 5000) == pytest.approx(2.8016 * np.sqrt(2 / 5000), rel=1e-3)
-
-
-def test_references_are_shipped():
-    assert protocol.REFERENCES == REFERENCES == ("idle", "random", "planner")

@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pandas as pd
@@ -178,7 +176,7 @@ def test_one_figure_alone_is_drawn(tmp_path, capsys):
     assert "train_and_test.png" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("runs", [1, 2, 4])
+@pytest.mark.parametrize("runs", [1, 4])
 def test_a_handful_of_runs_is_reported_too(tmp_path, undrawn, runs):
     folder = write_results(tmp_path, {"runs": few_runs().iloc[[0, 5, 10, 1]].head(runs).reset_index(drop=True)})
     make_report(ReportConfig(str(folder)))
@@ -219,18 +217,9 @@ def test_the_settings_of_the_main_grid_are_those_that_its_tables_state(tmp_path,
     assert re.search(r"episodes on training levels\s+10\s+120\s", page)
 
 
-def test_tables_without_libraries_still_say_which_code_made_them(tmp_path, undrawn):
-    make_report(ReportConfig(str(write_results(tmp_path, {"runs": few_runs()}))))
-    page = (tmp_path / "report.html").read_text()
-    assert "made by one version of the code" in page and "<code>c0de</code>" in page
-    assert "Libraries:" not in page and "Computed with:" not in page
-
-
 def test_runs_that_are_missing_are_said_at_the_top(tmp_path, undrawn):
-    folder = write_results(tmp_path, {"runs": few_runs().drop(index=7)})
-    make_report(ReportConfig(str(folder)))
-    page = (folder / "report.html").read_text()
-    assert "Of what was planned, 1 runs or tests are missing" in page and "empty-medium n=50 seed=1" in page
+    folder = write_results(tmp_path, {"runs": few_runs()})
+    (folder / "figures").mkdir()
     (folder / "missing.csv").write_text("run,reason\nempty-hard-n1,not begun\nempty-hard-n10,not finished\n")
     (folder / "figures" / "of_an_earlier_report.png").touch()
     make_report(ReportConfig(str(folder)))
@@ -280,13 +269,6 @@ def test_what_is_wrong_with_the_tables_is_said(tmp_path):
         make_report(ReportConfig(str(write_results(tmp_path, {"runs": runs.head(0)}))))
     with pytest.raises(ConfigError, match=r"only: 'figure_3' is unknown\. Did you mean 'figure_3"):
         make_report(ReportConfig(str(write_results(tmp_path, {"runs": runs})), only=("figure_3",)))
-
-
-def test_the_command_ends_with_one_message(tmp_path):
-    command = [sys.executable, "-m", "analysis.report", f"results={tmp_path}"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].startswith(f"error: {tmp_path} holds no runs.parquet.")
 
 
 @pytest.mark.parametrize(

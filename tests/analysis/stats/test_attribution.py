@@ -8,9 +8,8 @@ import pytest
 
 import segar
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
-from segar import Charge, Position, Size
+from segar import Position, Size
 from segar.errors import LevelError, SegarError
-from segar.evaluation import Idle, play_episodes
 from segar.hardness import make_situations
 from segar.language.parameters import FloorFriction, Gravity
 from segar.levels import REST, mixed_levels, shared_rule_sets
@@ -122,20 +121,6 @@ def test_shapley_divides_an_interaction_evenly(sets):
 
     found = shapley_of_pairs(played(both, train, test), NAMES)
     assert (found["position"] == 0.5).all() and (found["size"] == 0.5).all() and (found[REST] == 0).all()
-
-
-def test_the_gap_of_a_player_is_attributed(sets):
-    """No-op returns: the ball stays where it is put, so the way to the goal is all that counts."""
-    train, test = (segar.family("empty-hard").sample(6, seed=1, split=split) for split in ("train", "test"))
-
-    def returns(levels):
-        return play_episodes(levels, np.arange(len(levels)), Idle(), seed=0).returns
-
-    groups = {"position": [Position], "charge": [Charge]}
-    names = [*groups, REST]
-    found = shapley_of_pairs(played(returns, train, test, groups), names).mean()
-    assert found["position"] == pytest.approx(found["total"]) and found["total"] != 0
-    assert found["charge"] == found[REST] == 0
 
 
 def test_groups_that_overlap_or_name_nothing_are_refused(sets):

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.stats.scores import aggregates, iqm, performance_profiles, probability_of_improvement, wins
+from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement, wins
 from segar.errors import SegarError
 from tests.places import ROOT
 
@@ -64,21 +64,6 @@ def test_improvement_over_oneself_is_a_half_and_both_ways_make_one():
     a, b = SCORES["a"], SCORES["b"]
     assert wins(a, a) == 0.5
     assert wins(a, b) + wins(b, a) == pytest.approx(1)
-
-
-def test_the_interval_of_the_iqm_holds():
-    held = 0
-    for seed in range(200):
-        scores = rng(seed).normal(size=(10, 9))
-        row = aggregates(as_table({"a": scores}), "score", rng(seed), resamples=200, **OPTIONS).iloc[0]
-        held += row.low < 0 < row.high
-    assert held / 200 == pytest.approx(0.94, abs=0.05)
-
-
-def test_the_iqm_forgets_one_wild_run():
-    wild = SCORES["a"].copy()
-    wild[0, 0] = 1e6
-    assert abs(iqm(wild) - iqm(SCORES["a"])) < 0.02
 
 
 def test_a_missing_run_is_named():

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Finding
-from analysis.report.claims.evidence import BLOCKS, Evidence
+from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.reading import read_claims
 from analysis.report.claims.rows import ROWS
@@ -18,7 +18,6 @@ from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORT
 from analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS, without_one_level
 from analysis.report.document.beyond import CONTRASTS, contrasts
 from analysis.report.document.blocks import FINDING_HEAD, HOLM, finding_rows
-from analysis.report.document.tables import row_of
 from analysis.report.number_format import NONE, estimate_text
 from analysis.report.results import read_results
 from analysis.report.rules import WHOLE
@@ -250,14 +249,6 @@ def test_part_of_a_grid_gives_what_it_can(tmp_path):
     assert found["3b-trend"].verdict(METRIC_2022) == NOT_TESTABLE
     (one,) = found["3a"].tests(METRIC_2022)
     assert np.isfinite(one.found.estimate) and one.found.note == "2 blocks: no interval"
-
-
-def test_leaving_a_figure_out_changes_no_number(tmp_path):
-    folder = write_results(tmp_path, {"runs": run_rows(np.random.default_rng(0), "figure_3a", seeds=1)})
-    one, other = (Evidence(read_results(folder)) for _ in range(2))
-    before = row_of(one.resampled, w2="exact", gap="gap", test="pooled", way=BLOCKS)
-    alone = other.correlation(other.main, "w2_exact", "gap")
-    assert (alone.low, alone.high) == (before.low, before.high)
 
 
 def test_a_line_that_holds_in_all_panels_predicts_a_new_one():
