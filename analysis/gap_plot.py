@@ -43,8 +43,8 @@ from analysis.runs import (
 )
 from analysis.stats.correlation import correlate, indicators
 from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import cluster_jackknife, no_interval
-from analysis.tables import Floats, column, count_of, pick, select
+from analysis.stats.resampling import by_blocks, partial
+from analysis.tables import column, count_of, pick, select
 from experiments.commands.command_line import run_from_command_line
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.runs.run_rows import code_warning, run_rows, seen_warning
@@ -103,6 +103,8 @@ def gap_plot(
     x = COMMON if COMMON in both and asked == "w2" else x
     group = next(iter(_groups(both)), None) if group is None else column_name(both, group)
     shown = both.assign(group="all runs" if group is None else both[group])
+    if not pd.api.types.is_any_real_numeric_dtype(shown["group"]):
+        shown["group"] = shown["group"].astype(str)
     if (count := count_of(shown, "group")) > MOST_GROUPS:
         raise SegarError(f"group: {group} has {count} values, and {MOST_GROUPS} colours can be told apart")
     points = _cells(shown, x, y) if cells else _runs(shown, x, y)
@@ -143,22 +145,14 @@ def correlation(runs: pd.DataFrame, x: str, y: str, given: str | None = None) ->
     """
     x, y = column_name(runs, x), column_name(runs, y)
     groups = None if given is None else indicators([str(value) for value in runs[given]])
-    values = np.column_stack([column(runs, x), column(runs, y), *([] if groups is None else [groups])])
-    whole = correlate(values[:, 0], values[:, 1], groups).pearson
+    at, of = column(runs, x), column(runs, y)
+    whole = correlate(at, of, groups).pearson
     if not np.isfinite(whole.estimate):
         return whole
+    values = np.column_stack([at, of, np.ones(len(runs)), *([] if groups is None else [groups])])
     blocks = pd.DataFrame({"block": training_sets(runs)})
-    count = count_of(blocks, "block")
-    if count < FEWEST_BLOCKS:
-        return no_interval(_pearson(values), count, LEVEL_SETS)
-    found = cluster_jackknife(blocks, _pearson, ["block"], values=values, correlation=True)
+    found = by_blocks(blocks, partial, ["block"], FEWEST_BLOCKS, LEVEL_SETS, values=values, correlation=True)
     return dataclasses.replace(found, note=found.note or f"{found.n} level sets, left out one at a time")
-
-
-def _pearson(values: Floats) -> float:
-    """r of the first two columns given the others; NaN where it does not exist."""
-    given = values[:, 2:] if values.shape[1] > 2 else None
-    return correlate(values[:, 0], values[:, 1], given).pearson.estimate
 
 
 def _with_unit(runs: pd.DataFrame, x: str, asked: str) -> tuple[pd.DataFrame, list[str]]:
@@ -220,7 +214,7 @@ def _cells(runs: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
 
 
 def _draw(axes: Axes, points: pd.DataFrame) -> None:
-    is_ordered = pd.api.types.is_numeric_dtype(points["group"])
+    is_ordered = pd.api.types.is_any_real_numeric_dtype(points["group"])
     names = sorted(set(points["group"])) if is_ordered else style.ordered(points["group"])
     colours = dict(zip(names, style.SEQUENCE, strict=False)) if is_ordered else style.colours(names)
     for name, marker in zip(names, style.MARKERS, strict=False):

@@ -6,7 +6,6 @@ Results of a block are not independent, so that intervals are taken over blocks,
 blocks there is no interval.
 """
 
-import dataclasses
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,9 +17,8 @@ from numpy.typing import NDArray
 
 from analysis.level_sets import first_of_equal, largest_share, levels_trained_on, united
 from analysis.stats.association import labels
-from analysis.stats.estimate import Estimate, mean_of_replicates
-from analysis.stats.resampling import no_interval
-from analysis.tables import Floats, column, select, write_table
+from analysis.stats.resampling import mean_of_units
+from analysis.tables import column, select, write_table
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.runs.run_folder import root_folder
 from experiments.runs.run_rows import FINISHED, as_columns, chosen_rows, copies_warning, in_short
@@ -106,9 +104,8 @@ def summarise(runs: pd.DataFrame, figures: Sequence[str] = SUMMARISED, by: Seque
             unit = LEVEL_SETS if len(level_sets) > 1 else AGENTS
             means = [float(runs_of_block[blocks == one].mean()) for one in level_sets]
             units = means if unit == LEVEL_SETS else runs_of_block
-            found = _mean(units, unit)
-            if name.startswith(SHARES):
-                found = dataclasses.replace(found, low=np.clip(found.low, 0, 1), high=np.clip(found.high, 0, 1))
+            ends = (0.0, 1.0) if name.startswith(SHARES) else (-np.inf, np.inf)
+            found = mean_of_units(units, unit, *ends, chance=0.0)
             counts = {"unit": unit, "runs": len(mine), "level_sets": len(level_sets)}
             rows.append(found.row(**values, figure=name) | counts)
     return pd.DataFrame(rows)
@@ -308,15 +305,6 @@ def _groups(table: pd.DataFrame, by: Sequence[str]) -> Iterator[tuple[dict[str, 
     for key in dict.fromkeys(keys):
         part = cast(pd.DataFrame, table[keys == key]).reset_index(drop=True)
         yield {name: part[name].iloc[0] for name in by}, part
-
-
-def _mean(units: Sequence[float] | Floats, unit: str) -> Estimate:
-    """The mean of the results of level sets, or of agents, with its interval where there are enough of them."""
-    if not len(units):
-        return Estimate.missing(0, "no run has it")
-    if len(units) < FEWEST_BLOCKS:
-        return no_interval(float(np.mean(units)), len(units), unit)
-    return mean_of_replicates(units, 0.0, sides=2)
 
 
 def _with_interval(row: Mapping[str, Any]) -> str:

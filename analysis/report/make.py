@@ -75,7 +75,7 @@ def main(config: ReportConfig) -> None:
     print(
         f"{len(results.runs)} runs are in the report, {len(results.missing_runs())} runs or tests of the plan are missing."
     )
-    for line in map(str, made.files) if config.only else made.subject.sentences(made.claims):
+    for line in map(str, made.files) if config.only else map(made.subject.sentence, made.claims):
         print(line)
     if not config.only:
         print(f"report: {made.folder / PAGE}")

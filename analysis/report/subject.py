@@ -1,7 +1,7 @@
 """What a report is about: the paper's experiments, or a study of one's own. Both are made by ``make`` in the same way."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pandas as pd
 
@@ -22,4 +22,11 @@ class Subject:
     statistics: Callable[[], Mapping[str, pd.DataFrame]]  # by the names of their CSV files
     claims_table: Callable[[list[Claim]], pd.DataFrame]
     document: Callable[[list[Claim], Mapping[str, Picture | str]], Document]
-    sentences: Callable[[list[Claim]], list[str]]  # what is printed of the claims
+    words: Mapping[str, str] = field(default_factory=dict)  # for verdicts, where others are better
+
+    def sentence(self, claim: Claim) -> str:
+        """What became of a claim, or what it takes to test it."""
+        if claim.needs:
+            return f"{claim.name} cannot be tested; it needs {claim.needs}."
+        verdicts = filter(None, (claim.verdict(reading) for reading in self.readings))
+        return f"{claim.name}: {', '.join(self.words.get(one, one) for one in verdicts)}: {claim.statement}"

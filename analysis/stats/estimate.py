@@ -51,9 +51,7 @@ def student_p(value: float, error: float, freedom: int, sides: int = 1) -> float
     return sides * float(stats.t.sf(size / error, freedom))
 
 
-def mean_of_replicates(
-    values: Sequence[float] | Floats, chance: float | None = None, level: float = 0.95, sides: int = 1
-) -> Estimate:
+def mean_of_replicates(values: Sequence[float] | Floats, chance: float | None = None, sides: int = 1) -> Estimate:
     """The mean of independent replicates with Student's interval; ``p`` of its being above ``chance``, or with two ``sides``
     of its being another.
 
@@ -63,8 +61,8 @@ def mean_of_replicates(
     x = np.asarray(values, np.float64)
     n, mean = len(x), float(np.mean(x))
     if n < 2:
-        return Estimate(mean, np.nan, np.nan, n, level=level, note="one replicate has no interval")
+        return Estimate(mean, np.nan, np.nan, n, note="one replicate has no interval")
     error = float(x.std(ddof=1) / np.sqrt(n))
-    half = float(stats.t.ppf(0.5 + level / 2, n - 1)) * error
+    half = float(stats.t.ppf(0.975, n - 1)) * error
     p = float("nan") if chance is None else student_p(mean - chance, error, n - 1, sides)
-    return Estimate(mean, mean - half, mean + half, n, p, level)
+    return Estimate(mean, mean - half, mean + half, n, p)

@@ -44,7 +44,6 @@ def mixed_model(
     *,
     log: Sequence[str] = (),
     standardise: bool = False,
-    level: float = 0.95,
 ) -> MixedModel:
     """``y ~ x + (1 | each of random)`` by restricted maximum likelihood (statsmodels), random effects crossed.
 
@@ -78,12 +77,12 @@ def mixed_model(
     serious = [str(one.message) for one in caught if issubclass(one.category, ConvergenceWarning)]
     note = "an effect's variance is at its bound, 0" if any("boundary" in text for text in serious) else ""
     names = {"Intercept": "intercept", **{f"x{k}": term for k, term in enumerate(terms)}}
-    interval: Any = found.conf_int(alpha=1 - level)
+    interval: Any = found.conf_int()
     rows = []
     for key, name in names.items():
         low, high = (float(end) for end in interval.loc[key])
         slope, p = float(found.fe_params[key]), float(found.pvalues[key])
-        rows.append(Estimate(slope, low, high, len(data), p, level, note).row(term=name))
+        rows.append(Estimate(slope, low, high, len(data), p, note=note).row(term=name))
     variances = np.append(np.asarray(found.vcomp, np.float64), float(found.scale))
     effects.append(("residual", len(data)))
     random_rows = [

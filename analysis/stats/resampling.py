@@ -1,5 +1,6 @@
 """Intervals and tests that respect what runs share: the jackknife of whole clusters, permutation within panels."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -9,11 +10,12 @@ from scipy import stats
 
 from analysis.stats.association import labels, require
 from analysis.stats.correlation import residuals
-from analysis.stats.estimate import Estimate, student_p
+from analysis.stats.estimate import Estimate, mean_of_replicates, student_p
 from analysis.tables import Floats, column, keep
 from segar.errors import SegarError
 
 RESAMPLES = 2000
+FEWEST_UNITS = 3  # that an interval of a mean is given of
 Statistic = Callable[[Any], float]
 
 
@@ -23,6 +25,46 @@ def no_interval(value: float, count: int, blocks: str = "blocks") -> Estimate:
     return Estimate(float(value), np.nan, np.nan, count, note=note)
 
 
+def by_blocks(
+    table: pd.DataFrame,
+    statistic: Statistic,
+    clusters: Sequence[str],
+    least: int,
+    called: str = "blocks",
+    *,
+    values: Floats,
+    correlation: bool = False,
+) -> Estimate:
+    """:func:`cluster_jackknife`; of fewer than ``least`` clusters, which the note gives the name ``called``, no interval."""
+    count = len(set(labels(table, clusters)))
+    if count < least:
+        return no_interval(statistic(values), count, called)
+    return cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
+
+
+def mean_of_units(
+    values: Sequence[float] | Floats,
+    called: str,
+    least: float = -np.inf,
+    most: float = np.inf,
+    chance: float | None = None,
+) -> Estimate:
+    """The mean of independent units with Student's interval, which ends at ``least`` and ``most``, and the two-sided p of
+    ``chance``; of fewer than three units, no interval."""
+    if not len(values):
+        return Estimate.missing(0, "no run has it")
+    if len(values) < FEWEST_UNITS:
+        return no_interval(float(np.mean(values)), len(values), called)
+    found = mean_of_replicates(values, chance, sides=2)
+    return dataclasses.replace(found, low=max(found.low, least), high=min(found.high, most))
+
+
+def partial(values: Floats) -> float:
+    """The correlation of the first two columns given the others, which have a constant among them."""
+    left = residuals(values[:, :2], values[:, 2:])
+    return cosine(left[:, 0], left[:, 1])
+
+
 def cluster_jackknife(
     table: pd.DataFrame,
     statistic: Statistic,
@@ -30,7 +72,6 @@ def cluster_jackknife(
     *,
     values: Floats | None = None,
     correlation: bool = False,
-    level: float = 0.95,
 ) -> Estimate:
     """A statistic of a table, with an interval from leaving out one cluster of rows at a time: for few clusters.
 
@@ -60,13 +101,13 @@ def cluster_jackknife(
     left = [place != k for k in range(count)]
     parts = np.array([statistic(keep(table, rows) if values is None else values[rows]) for rows in left], np.float64)
     if not np.isfinite([whole, *parts]).all():
-        return Estimate(whole, np.nan, np.nan, count, level=level, note="without one of the clusters it has no value")
+        return Estimate(whole, np.nan, np.nan, count, note="without one of the clusters it has no value")
     there, back = (to_normal, np.tanh) if correlation else (np.asarray, np.asarray)
     error = float(np.sqrt((count - 1) / count * np.square(there(parts) - there(whole)).sum()))
-    half = float(stats.t.ppf(0.5 + level / 2, count - 1)) * error
+    half = float(stats.t.ppf(0.975, count - 1)) * error
     middle = float(there(whole))
     p = student_p(middle, error, count - 1, sides=2)
-    return Estimate(whole, float(back(middle - half)), float(back(middle + half)), count, p, level)
+    return Estimate(whole, float(back(middle - half)), float(back(middle + half)), count, p)
 
 
 def permutation_of_blocks(

@@ -16,11 +16,11 @@ from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
 from analysis.report.rules import LEAST_BLOCKS
 from analysis.stats.association import associations, covariate_matrix, kept, labels
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
-from analysis.stats.correlation import correlate, explained, indicators, residuals
+from analysis.stats.correlation import correlate, explained, indicators
 from analysis.stats.estimate import Estimate
 from analysis.stats.mixed import mixed_model
 from analysis.stats.prediction import left_out
-from analysis.stats.resampling import cluster_jackknife, cosine, no_interval, permutation_of_blocks
+from analysis.stats.resampling import by_blocks, partial, permutation_of_blocks
 from analysis.tables import column, count_of, keep, pick, select
 from experiments.reproduction.grid import compares_panels
 from segar.errors import SegarError
@@ -92,13 +92,9 @@ class Evidence:
         time; no interval where there are fewer blocks than the rules ask for."""
         if table.empty:
             return Estimate.missing(0, "no such runs")
-        blocks = len(set(labels(table, clusters)))
-        if blocks < self.least_blocks:
-            return dataclasses.replace(
-                no_interval(statistic(values), blocks, self.blocks.get(clusters, "blocks")), n=len(table)
-            )
-        found = cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
-        return dataclasses.replace(found, note=found.note or f"{len(table)} rows in {blocks} blocks", n=len(table))
+        called = self.blocks.get(clusters, "blocks")
+        found = by_blocks(table, statistic, clusters, self.least_blocks, called, values=values, correlation=correlation)
+        return dataclasses.replace(found, note=found.note or f"{len(table)} rows in {found.n} blocks", n=len(table))
 
     def correlation(
         self, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = (), ranks: bool = False
@@ -239,12 +235,6 @@ def clusters_given(table: pd.DataFrame, given: Sequence[str]) -> tuple[str, ...]
     given tells several of them apart; else a panel and a seed. Numbers that are given tell no panels apart."""
     names = (table[name].astype(str) for name in given if not pd.api.types.is_numeric_dtype(table[name]))
     return PANEL if compares_panels(labels(table, PANEL), names) else BLOCK
-
-
-def partial(values: np.ndarray) -> float:
-    """The correlation of the first two columns given the others."""
-    left = residuals(values[:, :2], values[:, 2:])
-    return cosine(left[:, 0], left[:, 1])
 
 
 def pearson(table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:

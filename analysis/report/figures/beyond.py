@@ -19,19 +19,11 @@ from analysis.plotting.figures import (
 from analysis.plotting.names import word_for
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.rows import all_rule_set_runs, one_number_of_levels, trial_columns, trial_runs
-from analysis.report.figures.drawing import (
-    CELL,
-    GAP,
-    Drawn,
-    dots,
-    draw_means,
-    log_axis,
-    mean_of_shares,
-    success_by_number,
-)
+from analysis.report.figures.drawing import CELL, GAP, Drawn, dots, draw_means, log_axis, success_by_number
 from analysis.report.number_format import estimate_text
 from analysis.report.results import PANEL, shifts_in_words
 from analysis.stats.estimate import mean_of_replicates
+from analysis.stats.resampling import mean_of_units
 from analysis.studies.w2 import TEST_LEVELS
 from analysis.tables import column, count_of, keep, pick, select
 
@@ -123,7 +115,9 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
     numbered = select(table, chosen="")
     for k, (axes, value, label, least) in enumerate(players):
         parts = [(int(number), column(part, value)) for number, part in numbered.groupby("rule_sets")]  # type: ignore[arg-type]
-        means = pd.DataFrame([mean_of_shares(values, least).row(rule_sets=number) for number, values in parts])
+        means = pd.DataFrame(
+            [mean_of_units(values, "runs", least, 1.0).row(rule_sets=number) for number, values in parts]
+        )
         draw_means(axes, k, column(means, "rule_sets"), means, label, "-" if len(means) > 3 else "none")
         axes.scatter(column(numbered, "rule_sets"), column(numbered, value), s=12, color=style.PALETTE[k], alpha=0.5)
         log_axis(axes, sorted(set(means["rule_sets"])))
@@ -156,7 +150,9 @@ def trials(evidence: Evidence) -> Drawn | str:
         part = keep(table, table["memory"] == memory)
         if len(part):
             values = [column(part, name) for name in names]
-            means = pd.DataFrame([mean_of_shares(one).row(trial=n + 1) for n, one in enumerate(values)])
+            means = pd.DataFrame(
+                [mean_of_units(one, "runs", 0.0, 1.0).row(trial=n + 1) for n, one in enumerate(values)]
+            )
             draw_means(axes, k, column(means, "trial"), means, label)
     axes.set_xticks(range(1, len(names) + 1))
     axes.set_xlabel("trial on the level")
@@ -187,7 +183,10 @@ def hardness(evidence: Evidence) -> Drawn | str:
     if len(runs):
         number = runs["task"].str.extract(r"(?:conditions=|conditions_)(\d+)")[0]
         agents = runs.assign(conditions=number.fillna("0").astype(float), success=runs[SUCCESS])
-        means = [mean_of_shares(column(one, "success")).row(conditions=n) for n, one in agents.groupby("conditions")]
+        means = [
+            mean_of_units(column(one, "success"), "runs", 0.0, 1.0).row(conditions=n)
+            for n, one in agents.groupby("conditions")
+        ]
         parts.append(pd.DataFrame(means).rename(columns={"estimate": "success"}).assign(player="agents"))
     table = pd.concat(parts, ignore_index=True)
     figure = new_figure(5.6, 3.8)

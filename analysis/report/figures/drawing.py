@@ -3,7 +3,6 @@
 All of it is drawn within :func:`analysis.plotting.style.applied`, which the caller enters.
 """
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -29,9 +28,7 @@ from analysis.plotting.names import panel_name, word_for
 from analysis.report.claims.evidence import Evidence
 from analysis.report.number_format import estimate_text
 from analysis.report.results import panels_of, with_panel
-from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.tables import column, mean_by, select
-from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 
 CELL = ["family", "difficulty", "n", "seed"]
 SHORT_GAP = "gap (test − training)"
@@ -93,15 +90,6 @@ def success_by_number(table: pd.DataFrame, by: str, lines: Mapping[str, str], y_
     grid[0].set_ylabel(y_label)
     legend_below(figure, grid[0], 3)
     return figure
-
-
-def mean_of_shares(values: Sequence[float] | np.ndarray, least: float = 0.0, most: float = 1.0) -> Estimate:
-    """The mean of a share, or of a difference of shares, over runs, with Student's interval, which ends at ``least`` and
-    ``most``; of fewer than three runs there is none."""
-    found = mean_of_replicates(values)
-    if found.n < FEWEST_BLOCKS:
-        return dataclasses.replace(found, low=np.nan, high=np.nan)
-    return dataclasses.replace(found, low=max(found.low, least), high=min(found.high, most))
 
 
 def log_axis(axes: Axes, counts: Sequence[int]) -> None:

@@ -27,7 +27,7 @@ def study(folder: Path) -> Subject:
         statistics=dict,
         claims_table=tested_claims,
         document=lambda claims, drawn: document(asked, claims, drawn),
-        sentences=sentences,
+        words=WORDS,
     )
 
 
@@ -36,14 +36,3 @@ def tested_claims(claims: list[Claim]) -> pd.DataFrame:
     table = claims_table(claims)
     table = table.drop(columns=[one for one in table if one.startswith("of_claim") or one in PAPERS])
     return table.replace({"verdict": WORDS})
-
-
-def sentences(claims: list[Claim]) -> list[str]:
-    """What became of each claim, and what it takes to test it."""
-    verdicts = ((claim, claim.verdict(TESTED)) for claim in claims)
-    return [
-        f"{one.name} cannot be tested; it needs {one.needs}."
-        if one.needs
-        else f"{one.name}: {WORDS.get(v, v)}: {one.statement}"
-        for one, v in verdicts
-    ]

@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from analysis.report.figures.drawing import mean_of_shares
 from analysis.stats.estimate import mean_of_replicates
+from analysis.stats.resampling import mean_of_units
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_interval_of_a_share_is_student_s_within_what_a_share_can_be(seed):
     for n, least in ((3, 0.0), (20, 0.0), (3, -1.0)):
         values = np.random.default_rng([seed, n]).uniform(least, 1, n)
-        found, whole = mean_of_shares(values, least), mean_of_replicates(values)
+        found, whole = mean_of_units(values, "runs", least, 1.0), mean_of_replicates(values)
         assert found.estimate == whole.estimate
         assert (found.low, found.high) == (max(whole.low, least), min(whole.high, 1.0))
 
 
 @pytest.mark.parametrize("values", [[0.5], [0.1, 0.9]])
 def test_fewer_than_three_runs_have_a_mean_and_no_interval(values):
-    found = mean_of_shares(values)
+    found = mean_of_units(values, "runs")
     assert found.estimate == np.mean(values) and np.isnan([found.low, found.high]).all()
