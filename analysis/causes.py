@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from analysis.plotting import style
 from analysis.plotting.figures import METADATA, error_bars, figure_of_panels, save_figure
-from analysis.stats.estimate import mean_of_replicates
+from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.tables import column, select
 from experiments.commands.command_line import run_from_command_line
 from segar.errors import SegarError
@@ -59,14 +59,15 @@ def profile_of_causes(causes: pd.DataFrame, mode: str = "deterministic") -> pd.D
         suite, group = cast(tuple[str, str], key)
         row: dict[str, object] = {"suite": suite, "group": group, "differs": bool(part["differs"].iloc[0])}
         for name in FIGURES:
+            columns = (name, f"{name}_low", f"{name}_high")
             values = column(part, name)
-            values = values[np.isfinite(values)]
-            if len(part) == 1:
-                row |= {f"{name}{end}": float(part[f"{name}{end}"].iloc[0]) for end in ("", "_low", "_high")}
-            else:
-                found = mean_of_replicates(values) if len(values) else None
-                ends = (np.nan,) * 3 if found is None else (found.estimate, found.low, found.high)
-                row |= dict(zip((name, f"{name}_low", f"{name}_high"), ends, strict=True))
+            found = (
+                mean_of_replicates(values[np.isfinite(values)])
+                if np.isfinite(values).any()
+                else Estimate.missing(0, "")
+            )
+            ends = part[list(columns)].iloc[0] if len(part) == 1 else (found.estimate, found.low, found.high)
+            row |= dict(zip(columns, map(float, ends), strict=True))
         rows.append({**row, "runs": len(part)})
     return pd.DataFrame(rows)
 

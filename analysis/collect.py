@@ -97,7 +97,7 @@ def collect(config: CollectConfig) -> Collected:
     print(f"{len(found.runs)} runs and {len(found.transfers)} transfers are in {folder / RUNS} and {TRANSFERS}.")
     if not found.probes.empty:
         print(f"What the probes say of {found.probes['run'].nunique()} runs is in {PROBES}.")
-    print_missing(plan, found.missing, folder / MISSING)
+    print_missing(found.missing, folder / MISSING)
     if config.tracking and plan["tracking"]["name"] != "none":
         from analysis.experiment_runs import show_experiments
 
@@ -105,17 +105,14 @@ def collect(config: CollectConfig) -> Collected:
     return found
 
 
-def print_missing(plan: Mapping[str, Any], missing: pd.DataFrame, file: Path) -> None:
-    """Prints how much of each experiment is missing, and each single run or test if there are few."""
+def print_missing(missing: pd.DataFrame, file: Path) -> None:
+    """Prints each run or test that is missing if there are few, else how much of each experiment is."""
     if len(missing) <= MOST_MISSING:
         for run, reason in pairs(missing, "run", "reason"):
             print(f"  missing: {run}: {reason}")
         return
-    runs = set(missing["run"])
-    for one in plan["experiments"]:
-        lacking = sum(run["folder"] in runs for run in one["runs"])
-        if lacking:
-            print(f"  missing: {lacking} of {len(one['runs'])} runs of {one['name']}, or tests of them")
+    for title, part in missing.groupby("experiment", sort=False):
+        print(f"  missing: {part['run'].nunique()} runs, or tests of them: {title}")
     print(f"  Each is named in {file}.")
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from analysis.benchmark.causes import EFFECT
 from analysis.benchmark.scores import OVERALL
 from analysis.plotting import style
-from analysis.plotting.figures import error_bars, legend_below, new_figure, zero_line
+from analysis.plotting.figures import draw_profile, error_bars, legend_below, new_figure, zero_line
 from analysis.tables import column, select
 from experiments.benchmarking.protocol import REFERENCES
 
@@ -47,10 +47,7 @@ def performance_figure(shares: pd.DataFrame, rows: Sequence[str]) -> Figure:
         both = figure.subplots(1, len(LABELS), sharey=True)
         for axes, (quantity, label) in zip(both, LABELS.items(), strict=True):
             for row in rows:
-                part, colour = select(shares, row=row, quantity=quantity), colours[row]
-                at, low, high = (column(part, name) for name in ("threshold", "low", "high"))
-                axes.plot(at, column(part, "estimate"), color=colour, linewidth=style.LINE_WIDTH, label=row)
-                axes.fill_between(at, low, high, color=colour, alpha=0.13, linewidth=0)
+                draw_profile(axes, select(shares, row=row, quantity=quantity), colours[row], row)
             axes.set_xlabel(label)
             axes.set_ylim(-0.02, 1.02)
         both[0].set_ylabel("share of runs above it")

@@ -221,17 +221,20 @@ def suite_tables(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> li
 
 def rows_on(name: str, table: pd.DataFrame) -> str:
     """The means over seeds of each row that played a suite, best first."""
-    part = table.loc[table["suite"] == name]
-    means = mean_by(part, ["row"], FIGURES).sort_values("score", ascending=False, kind="stable")
-    lines = [[f"`{one['row']}`", *(number(one[name]) for name in FIGURES)] for one in means.to_dict("records")]
-    return markdown(["row", *(WORDS[one] for one in FIGURES)], lines)
+    means = mean_by(table.loc[table["suite"] == name], ["row"], FIGURES)
+    means = means.assign(row=[f"`{row}`" for row in means["row"]])
+    return means_table(means.sort_values("score", ascending=False, kind="stable"), "row")
 
 
 def suite_table(table: pd.DataFrame) -> str:
     """The means of one row on each suite that it played."""
-    means = mean_by(table, ["suite"], FIGURES).to_dict("records")
-    lines = [[str(one["suite"]), *(number(one[name]) for name in FIGURES)] for one in means]
-    return markdown(["suite", *(WORDS[one] for one in FIGURES)], lines)
+    return means_table(mean_by(table, ["suite"], FIGURES), "suite")
+
+
+def means_table(means: pd.DataFrame, of: str) -> str:
+    """A line for each value of the column ``of``, with all figures."""
+    lines = [[str(one[of]), *(number(one[name]) for name in FIGURES)] for one in means.to_dict("records")]
+    return markdown([of, *(WORDS[one] for one in FIGURES)], lines)
 
 
 def rows_table(rows: Mapping[str, Row]) -> str:

@@ -80,8 +80,7 @@ class LevelMeans:
         self.returns: dict[tuple[str, int, str], Floats] = {}
         self.successes: dict[tuple[str, int, str], Floats] = {}
         for key, part in means.groupby(level=[0, 1, 2]):
-            self.returns[key] = part["return"].to_numpy(np.float64)  # type: ignore[index]
-            self.successes[key] = part["success"].to_numpy(np.float64)  # type: ignore[index]
+            self.returns[key], self.successes[key] = part.to_numpy(np.float64).T  # type: ignore[index]
         self.hashes = {
             (piece.suite, piece.seed, side): digits for piece in row.pieces for side, digits in piece.levels.items()
         }

@@ -123,3 +123,10 @@ def figure_of_panels(count: int, width: float, height: float, below: float) -> t
 def across(count: int) -> int:
     """How many of so many axes stand in a row."""
     return 2 if count == 4 else min(count, ACROSS)
+
+
+def draw_profile(axes: Axes, profile: pd.DataFrame, colour: str, label: str) -> None:
+    """The share above each threshold, with the intervals of the points."""
+    at, low, high = (column(profile, name) for name in ("threshold", "low", "high"))
+    axes.plot(at, column(profile, "estimate"), color=colour, linewidth=style.LINE_WIDTH, label=label)
+    axes.fill_between(at, low, high, color=colour, alpha=0.14, linewidth=0)

@@ -87,11 +87,6 @@ def test_more_test_distributions_are_no_more_level_sets(level_seeds):
     assert f"{12 * len(level_seeds)} runs on {len(level_seeds)} level sets" in title
 
 
-def test_means_over_several_test_distributions_count_a_level_set_once():
-    (alone, both) = (summarise(crossed(tests=tests), ["gap"], by=()) for tests in (("calm",), ("calm", "gale")))
-    assert list(alone["n"]) == list(both["n"]) == [3]
-
-
 def test_level_sets_whose_seed_is_that_of_the_run_are_told_apart_without_a_column_of_their_own():
     """As in the tables of a study, where levels.seed is empty if it is the seed of the run."""
     runs = pd.DataFrame({"family": "calm", "seed": [1, 1, 2, 2], "levels.seed": [np.nan, 2, 1, np.nan]})
@@ -145,11 +140,6 @@ def test_agents_on_one_level_set_are_told_from_level_sets_with_the_way_out():
     assert "say nothing about other levels. Cross the seeds: --multirun seed=1,2,3 levels.seed=1,2,3" in text
     crossed = summary_text(table().to_dict("records"))
     assert "Cross the seeds" not in crossed and "over level sets" in crossed
-
-
-def test_one_run_of_each_kind_has_no_interval_and_the_text_says_so():
-    text = summary_text(table(level_seeds=(0,), seeds=(1,)).to_dict("records"))
-    assert "[" not in text and "A mean of one run has no interval" in text
 
 
 def test_runs_are_read_with_their_settings_figures_and_errors(folder):

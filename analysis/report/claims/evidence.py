@@ -14,7 +14,7 @@ from scipy.stats import rankdata
 from analysis.plotting.names import word_for
 from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
 from analysis.report.rules import LEAST_BLOCKS
-from analysis.stats.association import associations, covariate_matrix, kept, labels
+from analysis.stats.association import ASSOCIATION_COLUMNS, associations, covariate_matrix, kept, labels
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from analysis.stats.correlation import correlate, explained, indicators
 from analysis.stats.estimate import Estimate
@@ -82,7 +82,7 @@ class Evidence:
         parts = [
             associations(self.main, f"w2_{mode}", gap).assign(w2=mode, gap=gap) for mode in self.modes for gap in GAPS
         ]
-        return leading(pd.concat(parts, ignore_index=True), "w2", "gap") if parts else pd.DataFrame()
+        return pick(pd.concat(parts, ignore_index=True), ["w2", "gap", *ASSOCIATION_COLUMNS])
 
     def by_blocks(
         self, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
@@ -258,8 +258,3 @@ def design(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray:
     covariates = matrix(table, given)
     ones = np.ones((len(table), 1))
     return ones if covariates is None else np.column_stack([ones, covariates])
-
-
-def leading(table: pd.DataFrame, *names: str) -> pd.DataFrame:
-    """The table with these columns first."""
-    return pick(table, [*names, *(name for name in table if name not in names)])

@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from analysis.plotting import style
-from analysis.plotting.figures import new_figure
+from analysis.plotting.figures import draw_profile, new_figure
 from analysis.plotting.names import panel_name, word_for
 from analysis.report.claims.claim import METRIC_OURS
 from analysis.report.claims.evidence import Evidence
@@ -109,10 +109,7 @@ def performance_profiles(evidence: Evidence) -> Drawn | str:
     for axes, experiment in zip(grid, experiments, strict=True):
         part = select(table, experiment=experiment)
         for algorithm in sorted(set(part["algorithm"])):
-            one, colour = select(part, algorithm=algorithm), colours[algorithm]
-            x = column(one, "threshold")
-            axes.plot(x, column(one, "estimate"), color=colour, label=word_for(algorithm))
-            axes.fill_between(x, column(one, "low"), column(one, "high"), color=colour, alpha=0.15, linewidth=0)
+            draw_profile(axes, select(part, algorithm=algorithm), colours[algorithm], word_for(algorithm))
         axes.set_title(COMPARED[experiment])
         axes.set_xlabel("score on test levels")
         axes.legend(loc="lower left", fontsize=8.5)

@@ -159,7 +159,6 @@ def test_what_is_not_testable_is_printed_with_the_reason(tmp_path, capsys):
         ({"between": {"family": ["emty", "empty"]}, "test": "difference"},
          "claims.mine.between: no run has family=emty; there are empty."),
         ({"where": {"difficulty": "medium"}}, "claims.mine.where: no run has difficulty=medium; there are easy, hard."),
-        ({"where": {"n": [1, 3]}}, "claims.mine.where: no run has n=3; there are 1, 10."),
         ({"tested_on": "nonsense"}, "claims.mine.tested_on: no agent is tested on 'nonsense'; transfers are empty-hard."),
         ({"of": "algorithm.gama"}, "claims.mine.of: runs do not differ in algorithm.gama; grid.vary has such settings"),
         ({"expected": None}, "claims.mine.expected: say what you expect: negative, positive, none"),
@@ -167,9 +166,7 @@ def test_what_is_not_testable_is_printed_with_the_reason(tmp_path, capsys):
          "claims.mine.of: no task has a result 'distanse_to_goal', as results/distanse_to_goal_test asks: puttputt"),
         ({"on": "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
         ({"test": "nowhere_to_be:found"}, "claims.mine.test: 'nowhere_to_be:found' cannot be imported"),
-        ({True: "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
         ({"test": "correlation", "against": "family"}, "claims.mine.against: the column family holds text, such as 'empty'"),
-        ({"of": "observation"}, "claims.mine.of: the column observation holds text, such as 'state'"),
     ],
 )  # fmt: skip
 def test_a_claim_about_what_no_run_of_the_plan_has_ends_the_plan(tmp_path, claim, message):

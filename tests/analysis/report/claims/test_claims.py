@@ -15,15 +15,15 @@ from analysis.report.claims.specifications import in_words, specifications, surv
 from analysis.report.claims.statements import METRICS, STATEMENTS, stated
 from analysis.report.claims.tests import TESTS, differences, with_holm
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED
-from analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS, without_one_level
+from analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS
 from analysis.report.document.beyond import CONTRASTS, contrasts
 from analysis.report.document.blocks import FINDING_HEAD, HOLM, finding_rows
-from analysis.report.number_format import NONE, estimate_text
+from analysis.report.number_format import NONE
 from analysis.report.results import read_results
 from analysis.report.rules import WHOLE
 from analysis.stats.estimate import Estimate
 from analysis.stats.prediction import left_out
-from tests.synthetic_results import everything, player_rows, run_rows, transfer_rows, write_players, write_results
+from tests.synthetic_results import everything, player_rows, run_rows, write_players, write_results
 
 
 def claims_of(folder, tables):
@@ -50,12 +50,6 @@ def test_a_gap_that_follows_n_and_not_w2_is_told_apart(tmp_path):
     assert found["3a-n"].verdict(METRIC_OURS) == NOT_SUPPORTED
     assert "how many levels" in found["3a-n"].follows
     assert found["3a-cell"].verdict(METRIC_OURS) == NOT_SUPPORTED
-
-
-def test_one_seed_says_nothing_about_sets_of_one_size(tmp_path):
-    found = claims_of(tmp_path, {"runs": run_rows(np.random.default_rng(1), "figure_3a", seeds=1)})
-    assert found["3a-cell"].verdict(METRIC_OURS) == NOT_TESTABLE
-    assert "two seeds" in found["3a-cell"].needs
 
 
 def test_a_loss_on_harder_levels_is_found(full):
@@ -151,19 +145,6 @@ def test_matched_sets_tell_which_of_two_measures_matters(tmp_path):
     assert table.loc["covering radius", "estimate"] > 0.8 > 0.1 > table.loc["exact W2", "estimate"]
 
 
-def test_what_one_training_level_adds_is_said(tmp_path):
-    """The gap follows W2 among runs with one training level alone."""
-    runs = run_rows(np.random.default_rng(1), "figure_3a", seeds=6)
-    chance = 0.01 * np.random.default_rng(2).normal(size=len(runs))
-    runs["gap_deterministic"] = np.where(runs["n"] == 1, -10 * runs["w2_exact"], chance)
-    evidence = Evidence(read_results(write_results(tmp_path, {"runs": runs})))
-    said = without_one_level(evidence, evidence.main, "3a-cell")
-    part = evidence.main[evidence.main["n"] > 1]
-    found = evidence.correlation(part, "w2_exact", "gap", ("cell",))
-    assert said.startswith("Without the runs with one training level, r = ") and estimate_text(found) in said
-    assert abs(found.estimate) < 0.3 < abs(evidence.correlation(evidence.main, "w2_exact", "gap", ("cell",)).estimate)
-
-
 def test_the_papers_agent_is_judged_when_all_of_its_runs_are_there(tmp_path):
     rng = np.random.default_rng(0)
     runs = run_rows(rng, "paper_agent", seeds=1, difficulties=("medium",))
@@ -173,13 +154,6 @@ def test_the_papers_agent_is_judged_when_all_of_its_runs_are_there(tmp_path):
     assert whole.verdict(METRIC_OURS) == SUPPORTED and len(whole.tests(METRIC_OURS)) == 1
     part = claims_of(tmp_path / "part", {"runs": runs.iloc[:-1]})["3a-agent"]
     assert part.verdict(METRIC_OURS) == NOT_TESTABLE and not part.findings and "all fifteen" in part.needs
-
-
-def test_what_each_panel_says_is_counted_in_words(full):
-    claim = full["3b-easy"]
-    found = Counter(one.verdict for one in claim.tests(METRIC_OURS))
-    counted = claim.follows.partition("Panels by themselves: ")[2].rpartition("; ")[2]
-    assert counted == f"{found[NOT_SUPPORTED]} {NOT_SUPPORTED} ({METRIC_OURS})." and found[NOT_SUPPORTED] == 3
 
 
 def test_specifications_are_counted_with_their_signs():
@@ -240,15 +214,6 @@ def test_what_was_not_run_is_not_testable_and_says_what_it_takes(tmp_path):
     found = claims_of(tmp_path, {"runs": run_rows(np.random.default_rng(0), "upper_bound", seeds=1)})
     assert {claim.verdict(METRIC_2022) for claim in found.values()} == {NOT_TESTABLE}
     assert all("experiments=[" in claim.needs or "probes.parquet" in claim.needs for claim in found.values())
-
-
-def test_part_of_a_grid_gives_what_it_can(tmp_path):
-    rng = np.random.default_rng(0)
-    runs = run_rows(rng, "figure_3a", seeds=1, families=("empty",), difficulties=("easy", "medium"), counts=(1, 10))
-    found = claims_of(tmp_path, {"runs": runs, "transfers": transfer_rows(runs, loss=1.0)})
-    assert found["3b-trend"].verdict(METRIC_2022) == NOT_TESTABLE
-    (one,) = found["3a"].tests(METRIC_2022)
-    assert np.isfinite(one.found.estimate) and one.found.note == "2 blocks: no interval"
 
 
 def test_a_line_that_holds_in_all_panels_predicts_a_new_one():
