@@ -104,7 +104,7 @@ def gap_plot(
     group = next(iter(_groups(both)), None) if group is None else column_name(both, group)
     shown = both.assign(group="all runs" if group is None else both[group])
     if not pd.api.types.is_any_real_numeric_dtype(shown["group"]):
-        shown["group"] = shown["group"].astype(str)
+        shown["group"] = shown["group"].map(str)
     if (count := count_of(shown, "group")) > MOST_GROUPS:
         raise SegarError(f"group: {group} has {count} values, and {MOST_GROUPS} colours can be told apart")
     points = _cells(shown, x, y) if cells else _runs(shown, x, y)
