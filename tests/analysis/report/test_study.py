@@ -5,8 +5,6 @@ import re
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 import yaml
 
@@ -29,6 +27,7 @@ from experiments.runs.run_folder import (
     LEVELS_TRAIN,
     SUMMARY,
     folder_path,
+    read_summary,
     write_json,
     write_rows,
 )
@@ -187,9 +186,8 @@ def with_levels(work):
     train.save(folder / LEVELS_TRAIN)
     test.save(folder / LEVELS_TEST)
     for place in (folder, *(transfer.folder(run) for transfer in work.transfers)):
-        table = pq.read_table(place / EPISODES)
-        left = pa.array(np.full(len(table), float(run.levels.count)))
-        pq.write_table(table.append_column("results/distance_to_goal", left), place / EPISODES)
+        left = {"evaluation/test/results/distance_to_goal/deterministic": float(run.levels.count)}
+        write_json(place / SUMMARY, {**read_summary(place), **left})
     for transfer in work.transfers:
         transfer.levels(run).save(transfer.folder(run) / "levels.npz")
     return {}
