@@ -4,6 +4,7 @@
 
 ``runs.parquet``           one row per finished run, see :func:`analysis.collected_rows.run_row`
 ``transfers.parquet``      one row per run and other test set: the same figures on that test set
+``levels.parquet``         one row per run, test set, action mode and level: for bootstraps over levels
 ``curves.parquet``         one row per run, figure and time
 ``probes.parquet``         the results of the probes, see :func:`analysis.collected_rows.probe_rows`
 ``tables/<experiment>.csv``  the rows of runs and transfers that belong to an experiment
@@ -23,10 +24,10 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from analysis.collected_rows import curve_rows, probe_rows, run_row, transfer_row
+from analysis.collected_rows import OWN, curve_rows, level_rows, probe_rows, run_row, transfer_row
 from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
 from analysis.runs import shared_levels, training_sets
-from analysis.tables import write_csv
+from analysis.tables import column, select, write_csv
 from experiments.commands.command_line import run_from_command_line
 from experiments.reproduction.experiment_file import PLAN, STUDY
 from experiments.reproduction.grid import run_columns, varied_columns
@@ -41,13 +42,14 @@ from experiments.runs.run_folder import (
     read_config,
     read_episodes,
     read_evaluation,
+    read_metrics,
     read_summary,
 )
 from experiments.settings import RunFolderError
 from segar.errors import SegarError
 
-CURVES = "curves.parquet"
-FILES = {"runs": RUNS, "transfers": TRANSFERS, "curves": CURVES, "probes": PROBES}  # of all tables
+LEVELS, CURVES = "levels.parquet", "curves.parquet"
+FILES = {"runs": RUNS, "transfers": TRANSFERS, "levels": LEVELS, "curves": CURVES, "probes": PROBES}  # of all tables
 MOST_MISSING = 20  # runs and tests that are named one by one
 TABLES, MISSING = "tables", "missing.csv"
 WHICH = ["family", "difficulty", "n", "algorithm", "observation", "task", "variation", "design", "seed", "run", "test"]
@@ -67,6 +69,7 @@ class Collected:
 
     runs: pd.DataFrame
     transfers: pd.DataFrame
+    levels: pd.DataFrame
     curves: pd.DataFrame
     probes: pd.DataFrame
     missing: pd.DataFrame
@@ -97,7 +100,7 @@ def collect(config: CollectConfig) -> Collected:
     print(f"{len(found.runs)} runs and {len(found.transfers)} transfers are in {folder / RUNS} and {TRANSFERS}.")
     if not found.probes.empty:
         print(f"What the probes say of {found.probes['run'].nunique()} runs is in {PROBES}.")
-    print_missing(found.missing, folder / MISSING)
+    print_missing(plan, found.missing, folder / MISSING)
     if config.tracking and plan["tracking"]["name"] != "none":
         from analysis.experiment_runs import show_experiments
 
@@ -105,14 +108,17 @@ def collect(config: CollectConfig) -> Collected:
     return found
 
 
-def print_missing(missing: pd.DataFrame, file: Path) -> None:
-    """Prints each run or test that is missing if there are few, else how much of each experiment is."""
+def print_missing(plan: Mapping[str, Any], missing: pd.DataFrame, file: Path) -> None:
+    """Prints how much of each experiment is missing, and each single run or test if there are few."""
     if len(missing) <= MOST_MISSING:
         for run, reason in pairs(missing, "run", "reason"):
             print(f"  missing: {run}: {reason}")
         return
-    for title, part in missing.groupby("experiment", sort=False):
-        print(f"  missing: {part['run'].nunique()} runs, or tests of them: {title}")
+    runs = set(missing["run"])
+    for one in plan["experiments"]:
+        lacking = sum(run["folder"] in runs for run in one["runs"])
+        if lacking:
+            print(f"  missing: {lacking} of {len(one['runs'])} runs of {one['name']}, or tests of them")
     print(f"  Each is named in {file}.")
 
 
@@ -162,6 +168,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
         if config.levels.seed != config.seed:
             place["levels.seed"] = config.levels.seed
         runs.append(run_row(folder, config, summary, episodes, place, one.experiments))
+        tables["levels"].append(level_rows(episodes, {**place, "test": OWN}))
         tables["curves"].append(curve_rows(folder, place))
         if one.probes and (folder / PROBES).exists():
             tables["probes"].append(probe_rows(folder, place))
@@ -175,7 +182,9 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
                 missing.append((name, transfer + lacks, title))
                 continue
             played = pq.read_table(there / EPISODES)
-            transfers.append(transfer_row(tested, played, episodes, place, transfer))
+            row = transfer_row(tested, played, episodes, place, transfer)
+            transfers.append(row)
+            tables["levels"].append(level_rows(played, {**place, "test": row["test"]}))
     tables["runs"].append(pd.DataFrame(runs))
     tables["transfers"].append(pd.DataFrame(transfers))
     joined = {name: with_level_seeds(join(parts)) for name, parts in tables.items()}
@@ -188,17 +197,22 @@ def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:
     """The tables with what the report of a study of one's own needs beside.
 
     ``w2_exact_common``  of runs and transfers: exact W2 in one unit, if there are several pairs of distributions
+    ``round_frames``     of runs: in so many frames every environment ends an episode
+    ``episode/count``    in the curves: how many episodes the means are of
     ``level_set``        of runs, where several seeds gave the same levels: the least of these seeds
     ``levels_shared``    of runs, where level sets of a size share levels: the largest share of one that is in another
 
     Where level files of some runs are not here, ``w2_exact_common`` is left out and the reason printed.
     """
     root = Path(plan["runs"])
-    if not any(is_finished(root / name) for name in (found.runs["run"] if len(found.runs) else ())):
+    here = [name for name in (found.runs["run"] if len(found.runs) else ()) if is_finished(root / name)]
+    if not here:
         return found
+    counts = [curve_rows(root / name, {"run": name}, ("episode/count",)) for name in here]
+    rounds = {name: round_frames(root / name) for name in here}
     runs = with_level_sets(found.runs.assign(folder=[str(root / name) for name in found.runs["run"]]))
-    found = dataclasses.replace(found, runs=runs.drop(columns="folder"))
-    runs = found.runs
+    runs = runs.drop(columns="folder").assign(round_frames=[rounds.get(name, np.nan) for name in runs["run"]])
+    found = dataclasses.replace(found, runs=runs, curves=join([found.curves, *counts]))
     try:
         own = [own_levels(root / run) for run in runs["run"]]
         moved = [transfer_levels(root / run, name) for run, name in pairs(found.transfers, "run", "transfer")]
@@ -222,6 +236,20 @@ def with_level_sets(runs: pd.DataFrame) -> pd.DataFrame:
     if np.any(least != np.asarray(seeds)):
         runs = runs.assign(level_set=least)
     return runs.assign(levels_shared=max(shares)) if max(shares) > 0 else runs
+
+
+def round_frames(folder: Path) -> float:
+    """In how many frames every environment of a run's training ends an episode, in whole intervals between its figures: the
+    number of environments times the longest episode that was seen. NaN for an algorithm that does not say how many it has."""
+    environments = getattr(read_config(folder).algorithm, "num_envs", np.nan)
+    metrics = read_metrics(folder).to_pandas()
+    times = np.unique(column(select(metrics, name="episode/count"), "frames"))
+    if not len(times) or not np.isfinite(environments):
+        return float("nan")
+    lengths = column(select(metrics, name="episode/length"), "value")
+    longest = max(column(read_episodes(folder).to_pandas(), "length").max(), lengths.max(initial=0.0))
+    every = float(np.diff(times, prepend=0).max())
+    return float(np.ceil(environments * longest / every) * every)
 
 
 def imported_rows(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd.DataFrame]]:

@@ -98,10 +98,20 @@ def transfer_row(
     }
 
 
-def curve_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
+def level_rows(episodes: pa.Table, place: Mapping[str, Any]) -> pd.DataFrame:
+    """Means over the episodes on each level: ``return``, ``return_ref``, ``length``, ``success``, ``death``, ``episodes``."""
+    groups = episodes.to_pandas().groupby(["levels", "action_mode", "level"], sort=True)
+    means = cast(pd.DataFrame, groups[["return", "return_ref", "length", "success", "death"]].mean())
+    table = means.assign(episodes=groups.size()).reset_index()
+    for position, name in enumerate(("run", "test")):
+        table.insert(position, name, place[name])
+    return table
+
+
+def curve_rows(folder: Path, place: Mapping[str, Any], names: Sequence[str] = CURVES_OF) -> pd.DataFrame:
     """The figures over time that are drawn: ``run``, ``name``, ``frames``, ``value``."""
     metrics = read_metrics(folder).to_pandas()
-    table = cast(pd.DataFrame, metrics.loc[metrics["name"].isin(CURVES_OF), ["name", "frames", "value"]])
+    table = cast(pd.DataFrame, metrics.loc[metrics["name"].isin(names), ["name", "frames", "value"]])
     table = table.reset_index(drop=True)
     table.insert(0, "run", place["run"])
     return table

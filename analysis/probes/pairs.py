@@ -94,11 +94,18 @@ class Frames:
     def __len__(self) -> int:
         return len(self.factors)
 
-    def pairs(self, represent: Callable[[NDArray[Any]], NDArray[Any]]) -> Pairs:
-        """What ``represent`` makes of the observations ``[n, ...]``, beside the factors of the states that were observed."""
+    def pairs(self, represent: Callable[[NDArray[Any]], NDArray[Any]], alignment: str = "same") -> Pairs:
+        """What ``represent`` makes of the observations ``[n, ...]``, beside the factors.
+
+        Args:
+            alignment: "same": factors of the state that was observed; "late": of the next one, as in 2022.
+        """
+        if alignment not in ("same", "late"):
+            raise LevelError(f"alignment must be 'same' or 'late', not '{alignment}'")
         parts = [represent(self.observation[i : i + BATCH]) for i in range(0, len(self), BATCH)]
         phi = np.concatenate([np.asarray(part, np.float32).reshape(len(part), -1) for part in parts])
-        return Pairs(phi, self.factors, self.columns, self.episode, self.level, self.step)
+        factors = self.factors if alignment == "same" else self.late
+        return Pairs(phi, factors, self.columns, self.episode, self.level, self.step)
 
 
 def episode_folds(episode: Ints, folds: int, rng: np.random.Generator) -> list[Ints]:

@@ -109,6 +109,16 @@ def test_a_transfer_is_held_against_the_training_levels(made):
     np.testing.assert_allclose(found.transfers["w2_exact"], 3.0)
 
 
+def test_level_means_give_the_returns_of_the_runs_again(made):
+    _, found = made
+    chosen = found.levels[(found.levels["levels"] == "test") & (found.levels["action_mode"] == "deterministic")]
+    own = chosen[chosen["test"] == "own"].groupby("run")["return"].mean()
+    runs = found.runs.set_index("run")["eta_test_deterministic"]
+    np.testing.assert_allclose(own.loc[runs.index], runs)
+    train = found.levels[(found.levels["levels"] == "train") & (found.levels["action_mode"] == "sampled")]
+    assert set(train["episodes"]) == {2}  # each training level was played twice
+
+
 def test_an_experiment_has_a_table_of_its_runs_and_of_the_transfers_that_it_asks_for(made):
     config, _ = made
     main, harder = (pd.read_csv(config.folder / "tables" / f"{name}.csv") for name in ("main", "harder"))
@@ -127,7 +137,7 @@ def test_what_probes_say_stands_beside_what_the_run_is(made):
 
 def test_files_hold_the_tables(made):
     config, found = made
-    for name in ("runs", "transfers", "curves", "probes"):
+    for name in ("runs", "transfers", "levels", "curves", "probes"):
         pd.testing.assert_frame_equal(pd.read_parquet(config.folder / f"{name}.parquet"), getattr(found, name))
 
 

@@ -10,12 +10,12 @@ from analysis.collect import CollectConfig, collect
 from experiments.reproduce import write_plan
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.imported_results import read_imported_results
-from experiments.reproduction.plan import make_plan
+from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.runs.run_folder import folder_path
 from experiments.settings import ConfigError, RunFolderError
 from tests.analysis.test_collect import planned, write_all
 
-TABLES = ("runs", "transfers", "curves", "probes")
+TABLES = ("runs", "transfers", "levels", "curves", "probes")
 
 
 def planned_with(root, *tables):
@@ -48,6 +48,20 @@ def test_runs_from_two_machines_give_the_tables_that_one_would(there, tmp_path):
     assert joined.missing.empty
     for name in TABLES:
         pd.testing.assert_frame_equal(getattr(joined, name), getattr(whole, name))
+
+
+def test_shipped_tables_are_tables_from_elsewhere(there, tmp_path):
+    other, _, whole = there
+    (tmp_path / "smoke").mkdir()
+    for name in ("runs", "transfers", "curves", "probes"):  # levels are not shipped
+        shutil.copy(other.folder / f"{name}.parquet", tmp_path / "smoke")
+    config, plan = planned_with(tmp_path / "here", tmp_path / "smoke")
+    assert all(work.is_done() and work.frames_left() == 0 for work in plan.runs)
+    said = as_text(plan, measure_speeds(tmp_path / "here"), 2, config.run.scale)
+    assert "smoke: 4 runs, 4 done, 0 to do with 0 frames" in said
+    joined = collect(CollectConfig(str(config.folder)))
+    pd.testing.assert_frame_equal(joined.runs, whole.runs)
+    assert list(joined.transfers["transfer"]) == list(whole.transfers["transfer"])
 
 
 def test_a_run_whose_tables_are_not_whole_is_made_here_and_its_rows_are_kept_until_then(there, tmp_path):

@@ -19,7 +19,7 @@ from analysis.report.figures.drawing import (
     log_axis,
 )
 from analysis.report.study.reading import SUCCESS, Study
-from analysis.tables import binned, column, count_of, mean_by, pick, select
+from analysis.tables import CURVE_POINTS, binned, column, count_of, keep, mean_by, pick, select
 
 ASIDE = 0.09  # between neighbouring lines, as a share of the number of levels
 
@@ -110,14 +110,52 @@ def curves(study: Study) -> Drawn | str:
     rows = select(table, name="episode/return") if len(table) else table
     if rows.empty:
         return "there are no returns of training episodes"
-    rows = rows.merge(pick(study.runs, ["run", "panel", "n"]), on="run")
-    found = mean_by(rows.assign(frames=binned(column(rows, "frames"))), ["panel", "n", "frames"], ["value"])
-    caption = (
-        "Returns of training episodes, means over agents and seeds and over a fortieth of the frames. Where training begins, "
-        "they are of short episodes."
-    )
+    known = ["run", "panel", "n", *(["round_frames"] if "round_frames" in study.runs else [])]
+    rows = rows.merge(pick(study.runs, known), on="run")
+    counts = select(table, name="episode/count")
+    caption = "Returns of training episodes, means over agents and seeds. There is a point where all runs of a curve have one."
+    if len(counts) and "round_frames" in rows and np.isfinite(column(rows, "round_frames")).all():
+        width = max(column(rows, "round_frames").max(), column(rows, "frames").max() / CURVE_POINTS)
+        counts = pick(counts, ["run", "frames", "value"]).rename(columns={"value": "episodes"})
+        rows = in_rounds(rows.merge(counts, on=["run", "frames"]), width)
+        caption += (
+            f" It is the mean of the episodes that ended in the {width:,.0f} frames before it. In so many frames every"
+            " environment ends an episode; in fewer, short ones count more."
+        )
+    else:
+        rows = rows.assign(frames=binned(column(rows, "frames")))
+        rows = mean_by(rows, ["run", "panel", "n", "frames"], ["value"])
+    found = mean_by(of_all_runs(rows), ["panel", "n", "frames"], ["value"])
+    if found.empty:
+        return "no moment of training has a return of all runs of a curve"
     panels = dict(zip(study.panels, study.panels, strict=True))
     return Drawn(figure_of_curves(found, panels, "training return"), found, caption)
+
+
+def in_rounds(rows: pd.DataFrame, width: float) -> pd.DataFrame:
+    """Returns in windows of so many frames: one row per run and window, with the mean ``value`` over its ``episodes``.
+
+    The runs of a curve, those of a panel and a number of levels, have the same windows. The last one ends where the longest of
+    them ends. What is left at the beginning is no whole window and is left out: only short episodes have ended there. Runs
+    that are shorter than a window have one row.
+    """
+    curve = ["panel", "n"]
+    ends = rows.groupby(curve)["frames"].transform("max").to_numpy(np.float64)
+    frames, values, episodes = (column(rows, name) for name in ("frames", "value", "episodes"))
+    back = np.floor((ends - frames) / width)
+    whole = (back == 0) | ((back + 1) * width <= ends)
+    rows = keep(rows.assign(frames=ends - back * width, total=values * episodes), whole)
+    found = mean_by(rows, ["run", *curve, "frames"], ["total", "episodes"])
+    return found.assign(value=column(found, "total") / column(found, "episodes"))
+
+
+def of_all_runs(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows, one per run and moment, of the moments at which all runs of a curve have one: a mean of others would jump where
+    a run comes in."""
+    curve = [rows["panel"], rows["n"]]
+    runs = rows.groupby(curve)["run"].transform("nunique")
+    there = rows.groupby([*curve, rows["frames"]])["run"].transform("nunique")
+    return keep(rows, there == runs)
 
 
 FIGURES: Mapping[str, Callable[[Study], Drawn | str]] = {

@@ -72,6 +72,9 @@ def test_factors_are_those_of_the_frame_and_late_ones_of_the_next(easy, columns)
         assert np.array_equal(frames.late[mine][:-1], frames.factors[mine][1:])
     start = frames.factors[frames.step == 0]
     assert (start[:, :4] == 0).all()  # in the centre, at rest
+    same, late = (frames.pairs(lambda o: o, alignment) for alignment in ("same", "late"))
+    assert np.array_equal(same.representation, late.representation)
+    assert not np.array_equal(same.factors, late.factors)
 
 
 def test_after_the_last_step_the_late_factors_are_of_another_level(easy, columns):

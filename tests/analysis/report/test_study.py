@@ -12,7 +12,7 @@ import segar
 from analysis.collect import collect_tables
 from analysis.report.make import report_results
 from analysis.report.study import claim_of, read_study
-from analysis.report.study.figures import success
+from analysis.report.study.figures import in_rounds, of_all_runs, success
 from analysis.stats.estimate import Estimate
 from experiments.commands.config_store import register_settings
 from experiments.commands.hydra_app import compose_data, initialized
@@ -319,6 +319,36 @@ def test_a_report_whose_means_mix_versions_of_the_code_says_so_where_it_begins(t
     report_results(folder)
     page = (folder / "report.html").read_text()
     assert ("were made by several versions of the code, which means and claims mix" in page) == mixes
+
+
+def test_a_window_of_the_learning_curve_holds_an_episode_of_every_environment():
+    """Two environments: short episodes end early, and long ones all at once."""
+    rows = pd.DataFrame({
+        "run": "a", "panel": "p", "n": 1, "frames": [10, 20, 30, 40, 50],
+        "value": [-1.0, -1.0, -5.0, -1.0, -5.0], "episodes": [1, 1, 2, 2, 2],
+    })  # fmt: skip
+    found = in_rounds(rows, 20.0)
+    assert list(found["frames"]) == [30.0, 50.0]  # the first 10 frames are no whole window
+    assert list(found["value"]) == pytest.approx([-(1 + 10) / 3, -(2 + 10) / 4])
+    assert list(in_rounds(rows, 100.0)["value"]) == pytest.approx([np.average(rows["value"], weights=rows["episodes"])])
+
+
+def test_the_runs_of_a_curve_have_the_same_windows_and_points_of_all_of_them():
+    """The second run ends no episode in its last frames, and the third none in its first."""
+    times = {"a": [10, 20, 30, 40], "b": [10, 20, 30], "c": [30, 40]}
+    rows = pd.DataFrame([
+        {"run": run, "panel": "p", "n": 1, "frames": one, "value": -1.0, "episodes": 1}
+        for run, frames in times.items() for one in frames
+    ])  # fmt: skip
+    found = in_rounds(rows, 20.0)
+    assert {run: list(part["frames"]) for run, part in found.groupby("run")} == {
+        "a": [20.0, 40.0], "b": [20.0, 40.0], "c": [40.0],
+    }  # fmt: skip
+    assert set(of_all_runs(found)["frames"]) == {40.0}
+    other = found.assign(panel="q")
+    assert len(of_all_runs(pd.concat([found, other], ignore_index=True))) == 6, (
+        "curves of other panels count by themselves"
+    )
 
 
 OPTIONS = {"title": "x", "settings": STUDY["settings"], "claims": {}}

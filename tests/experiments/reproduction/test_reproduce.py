@@ -142,6 +142,7 @@ def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, cap
     assert "3 runs are in the report, 1 runs or tests of the plan are missing." in said
     for name in (
         "runs.parquet",
+        "levels.parquet",
         "tables/main.csv",
         "tables/hard.csv",
         "report.html",
