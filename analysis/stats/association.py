@@ -14,7 +14,6 @@ from analysis.stats.correlation import correlate, indicators, residuals, without
 from analysis.tables import Floats
 from segar.errors import SegarError, did_you_mean
 
-LIMIT = 3.0  # |z| from which on a point is an outlier, as the paper has it
 ASSOCIATION_COLUMNS = (
     "test", "panel", "method", "outliers", "removed", "estimate", "low", "high", "n", "p", "level", "note", "p_holm",
 )  # fmt: skip
@@ -26,8 +25,6 @@ def associations(
     y: str,
     panel: Sequence[str] = ("family", "difficulty"),
     given: Sequence[str] = ("n",),
-    log: bool = True,
-    limit: float = LIMIT,
 ) -> pd.DataFrame:
     """Every correlation of ``x`` and ``y`` that the questions about a gap ask for, one row each.
 
@@ -43,7 +40,7 @@ def associations(
     Args:
         table: one row per run.
         panel: columns that make up the panel.
-        given: covariates beside the panel; their logarithms if ``log``.
+        given: covariates beside the panel, of which the logarithms count.
 
     Raises:
         SegarError: a column is missing, or a logarithm does not exist.
@@ -52,17 +49,16 @@ def associations(
     names = labels(table, panel)
     rows: list[dict[str, Any]] = []
     for rule in ("kept", "removed: points", "removed: residuals"):
-        keep = kept(table, x, y, names, rule, limit)
+        keep = kept(table, x, y, names, rule)
         part, part_names = table.loc[keep], names[keep]
         removed = int((~keep).sum())
         a, b = (part[name].to_numpy(np.float64) for name in (x, y))
         panels = indicators(list(part_names))
-        covariates = covariate_matrix(part, given, log)
-        covariates_text = " and ".join(f"log {name}" if log else name for name in given)
         tests = [("pooled", "", correlate(a, b)), ("given panel", "", correlate(a, b, panels))]
         if given:
-            both, cells = np.column_stack([panels, covariates]), indicators(list(labels(part, [*panel, *given])))
-            tests.append((f"given panel and {covariates_text}", "", correlate(a, b, both)))
+            both = np.column_stack([panels, logarithms(part, given)])
+            cells = indicators(list(labels(part, [*panel, *given])))
+            tests.append((f"given panel and log {' and log '.join(given)}", "", correlate(a, b, both)))
             tests.append(("given cell", "", correlate(a, b, cells)))
         for label in sorted(set(part_names)):
             mine = part_names == label
@@ -78,9 +74,7 @@ def associations(
     return pd.DataFrame({name: found[name] for name in ASSOCIATION_COLUMNS})
 
 
-def kept(
-    table: pd.DataFrame, x: str, y: str, names: NDArray[Any], rule: str, limit: float = LIMIT
-) -> NDArray[np.bool_]:
+def kept(table: pd.DataFrame, x: str, y: str, names: NDArray[Any], rule: str) -> NDArray[np.bool_]:
     """Which rows an outlier rule keeps: "kept", "removed: points" or "removed: residuals", see :func:`associations`."""
     a, b = (table[name].to_numpy(np.float64) for name in (x, y))
     if rule == "kept":
@@ -88,7 +82,7 @@ def kept(
     if rule == "removed: residuals":
         given = np.column_stack([np.ones(len(table)), indicators(list(names))])
         a, b = residuals(a, given), residuals(b, given)
-    return without_outliers(a, b, limit)
+    return without_outliers(a, b)
 
 
 def holm(p: Any) -> Floats:
@@ -114,12 +108,12 @@ def labels(table: pd.DataFrame, names: Sequence[str]) -> NDArray[Any]:
     )
 
 
-def covariate_matrix(table: pd.DataFrame, names: Sequence[str], log: bool) -> Floats:
-    """Covariates [n, k], as they are or their logarithms; raises :class:`SegarError` where there is none."""
+def logarithms(table: pd.DataFrame, names: Sequence[str]) -> Floats:
+    """The logarithms of columns [n, k]; raises :class:`SegarError` where there is none."""
     values = table[list(names)].to_numpy(np.float64)
-    if log and not (values > 0).all():
-        raise SegarError(f"a value of {', '.join(names)} has no logarithm; give log=False")
-    return np.log(values) if log else values
+    if not (values > 0).all():
+        raise SegarError(f"a value of {', '.join(names)} has no logarithm")
+    return np.log(values)
 
 
 def require(table: pd.DataFrame, *names: str) -> None:

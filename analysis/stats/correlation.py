@@ -19,6 +19,7 @@ from analysis.stats.estimate import Estimate
 from analysis.tables import Floats
 
 MIN_POINTS = 3  # two points always lie on a line
+LIMIT = 3.0  # |z| from which on a point is an outlier, as the paper has it
 MAX_ORDERS = 7  # points of which all orders are tried
 ALL_ORDERS = 5040  # of seven points; scipy tries each once where there are no more
 
@@ -69,15 +70,15 @@ def indicators(labels: Sequence[str]) -> Floats:
     return (names[:, None] == np.unique(names)[None, 1:]).astype(np.float64)
 
 
-def without_outliers(x: Floats, y: Floats, limit: float = 3.0) -> NDArray[np.bool_]:
-    """Which points to keep [n]: those with |z| < ``limit`` in x and in y, z in standard deviations from the mean.
+def without_outliers(x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """Which points to keep [n]: those with |z| < 3 in x and in y, z in standard deviations from the mean.
 
     With n points the largest possible |z| is sqrt(n - 1): below 10 points the paper's limit of 3 removes nothing.
     """
     keep = np.ones(len(x), bool)
     for column in (x, y):
         if len(column) > 1 and np.ptp(column) > 0:
-            keep &= np.abs(column - column.mean()) < limit * column.std()
+            keep &= np.abs(column - column.mean()) < LIMIT * column.std()
     return keep
 
 

@@ -14,7 +14,7 @@ from scipy.stats import rankdata
 from analysis.plotting.names import word_for
 from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
 from analysis.report.rules import LEAST_BLOCKS
-from analysis.stats.association import ASSOCIATION_COLUMNS, associations, covariate_matrix, kept, labels
+from analysis.stats.association import ASSOCIATION_COLUMNS, associations, kept, labels
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from analysis.stats.correlation import correlate, explained, indicators
 from analysis.stats.estimate import Estimate
@@ -247,9 +247,7 @@ def matrix(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray | None:
     parts = []
     for name in given:
         numeric = pd.api.types.is_numeric_dtype(table[name])
-        parts.append(
-            covariate_matrix(table, [name], log=False) if numeric else indicators(list(table[name].astype(str)))
-        )
+        parts.append(column(table, name) if numeric else indicators(list(table[name].astype(str))))
     return np.column_stack(parts) if parts else None
 
 
