@@ -1,5 +1,7 @@
 """What pytest collects and reports: the paper's listings only where they are at hand; the agreement with 2022 last."""
 
+import ctypes
+import gc
 import os
 from pathlib import Path
 
@@ -20,6 +22,18 @@ settings.load_profile("shared")
 PAPER = Path(os.environ.get("SEGAR_PAPER", Path(__file__).parents[2] / "shared" / "paper" / "segar.tex"))
 
 collect_ignore = [] if PAPER.is_file() else ["project/test_paper_listings.py"]
+
+
+def pytest_collection_finish() -> None:
+    """What was imported and collected stays: no search for garbage needs to look at it again."""
+    gc.freeze()
+
+
+def pytest_runtest_teardown(item, nextitem) -> None:
+    """After a module, the memory that its tests left goes back to the system: a worker runs thousands of tests."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None and (nextitem is None or nextitem.module is not item.module):
+        trim(0)
 
 
 def pytest_sessionfinish(session) -> None:
