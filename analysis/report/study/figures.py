@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from analysis.gap_plot import gap_plot
 from analysis.plotting import style
@@ -68,12 +67,17 @@ def by_number(study: Study, values: Sequence[str], label: str, caption: str) -> 
     colours = dict(zip(lines, (style.PALETTE[list(dict.fromkeys(kinds)).index(kind) % len(style.PALETTE)] for kind in kinds),
                        strict=True))  # fmt: skip
     aside = dict(zip(lines, 1 + ASIDE * (np.arange(len(lines)) - (len(lines) - 1) / 2), strict=True))
+    common: dict[str, Any] = {"capsize": 2.5, "elinewidth": 1, "marker": "o", "markersize": 5.5}
+    filled, hollow = {**common, "linestyle": "-"}, {**common, "linestyle": ":", "markerfacecolor": "white"}
     figure, grid = figure_of_panels(len(study.panels), 3.7, 3.2, 0.5)
     for axes, panel in zip(grid, study.panels, strict=False):
         for agent, one in lines:
             part = select(table, panel=panel, agent=agent, figure=one)
             at = column(part, "levels") * aside[agent, one]
-            draw_means(axes, at, part, colours[agent, one], one == values[0], line_name(study, agent, one, values))
+            look = filled if one == values[0] else hollow
+            name = line_name(study, agent, one, values) or None
+            bars = error_bars(part, "estimate")
+            axes.errorbar(at, column(part, "estimate"), yerr=bars, color=colours[agent, one], label=name, **look)
         zero_line(axes)
         log_axis(axes, sorted(set(study.runs["n"])))
         axes.set_title(panel)
@@ -91,17 +95,6 @@ def line_name(study: Study, agent: str, value: str, values: Sequence[str]) -> st
     where = {SUCCESS[0]: "training levels", SUCCESS[1]: "test levels"}.get(value, "")
     several = len(study.agents) > 1
     return ", ".join(filter(None, [agent if several else "", where if len(values) > 1 else ""]))
-
-
-def draw_means(axes: Axes, at: np.ndarray, part: pd.DataFrame, colour: str, filled: bool, label: str) -> None:
-    """Means with their intervals at these places, and a line through them."""
-    middle = column(part, "estimate")
-    axes.errorbar(at, middle, yerr=error_bars(part, "estimate"), color=colour, fmt="none", capsize=2.5, elinewidth=1)
-    look: dict[str, Any] = (
-        {"markeredgecolor": "white", "markeredgewidth": 0.6} if filled else {"markerfacecolor": "white"}
-    )
-    line = "-" if filled else ":"
-    axes.plot(at, middle, color=colour, linestyle=line, marker="o", markersize=5.5, label=label or None, **look)
 
 
 def curves(study: Study) -> Drawn | str:
