@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ import pyarrow as pa
 from experiments.runs.executed_code import combined
 from experiments.runs.journal import read_journal
 from experiments.runs.level_prints import is_own, prints_in, share_of
-from experiments.runs.performance import performance
+from experiments.runs.performance import SETS, performance
 from experiments.runs.run_folder import (
     CONFIG,
     EPISODES,
@@ -271,7 +272,15 @@ def score_warnings(runs: Sequence[RunRow]) -> list[str]:
 
 def figures_of_run(summary: Mapping[str, Any], episodes: pa.Table | None) -> dict[str, float]:
     """The figures of a run, or of a test of it: the numbers of its summary under the names of columns, and what
-    :func:`experiments.runs.performance.performance` makes of its episodes, which leads; NaN where an error is not known."""
+    :func:`experiments.runs.performance.performance` makes of its episodes, which leads; NaN where an error is not known.
+
+    The summary of a test on other levels has no results of the task on training levels: these come from the episodes.
+    """
+    summary = dict(summary)
+    lacking = [one for one in SETS if not any(key.startswith(f"evaluation/{one}/{RESULTS}") for key in summary)]
+    rows = episodes.to_pylist() if episodes is not None and lacking else []
+    for levels, mode in product(lacking, ACTION_MODES):
+        summary |= result_figures(rows, levels, mode)
     named: dict[str, float] = {_column(k): value for k, value in summary.items() if isinstance(value, int | float)}
     return named | (performance(episodes) if episodes is not None else {})
 
