@@ -1,6 +1,8 @@
 """One thread for torch, as in every run: two tests side by side would otherwise wait for each other's cores; and plug-ins."""
 
 import os
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
 
 import pytest
 import torch
@@ -9,6 +11,21 @@ import torch
 @pytest.fixture(autouse=True, scope="session")
 def one_torch_thread():
     torch.set_num_threads(1)
+
+
+class Here(Executor):
+    """Does work at once, in this process."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+@pytest.fixture
+def one_process(monkeypatch):
+    """The work of a pool is done in this process: where processes are not the point, none is started."""
+    monkeypatch.setattr("experiments.reproduction.process_pool._pool", contextmanager(lambda _: (yield Here())))
 
 
 @pytest.fixture

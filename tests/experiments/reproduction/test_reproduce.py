@@ -55,6 +55,7 @@ def trained(root):
     return sorted((root / "trained").read_text().splitlines())
 
 
+@pytest.mark.usefixtures("one_process")
 def test_every_run_is_trained_once_after_a_plan(tmp_path, capfd):
     reproduce(asked(tmp_path), pretend, finish_nothing)
     assert trained(tmp_path) == [f"empty-{d} n={n} seed=1" for d in ("easy", "hard") for n in (1, 10)]
@@ -65,6 +66,7 @@ def test_every_run_is_trained_once_after_a_plan(tmp_path, capfd):
     assert said.index("smoke: 4 runs") < said.index("[1/4]")
 
 
+@pytest.mark.usefixtures("one_process")
 def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path, capfd):
     reproduce(asked(tmp_path), pretend, finish_nothing)
     folders = [path.parent for path in tmp_path.glob(f"*hard*/{VERSIONS}")]
@@ -86,6 +88,7 @@ def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path, 
     assert len(trained(tmp_path)) == 6
 
 
+@pytest.mark.usefixtures("one_process")
 def test_finished_runs_are_not_trained_again(tmp_path, capfd):
     pretend_to_train(cells_of(asked(tmp_path).run)[2])
     reproduce(asked(tmp_path), pretend, finish_nothing)
@@ -96,6 +99,7 @@ def test_finished_runs_are_not_trained_again(tmp_path, capfd):
     assert "4 done, 0 to do" in capfd.readouterr().out
 
 
+@pytest.mark.usefixtures("one_process")
 def test_one_experiment_alone_is_run(tmp_path, capfd):
     reproduce(asked(tmp_path, experiments=("hard",)), pretend, finish_nothing)
     assert trained(tmp_path) == ["empty-hard n=1 seed=1", "empty-hard n=10 seed=1"]
@@ -131,6 +135,7 @@ def test_a_failing_run_stops_no_other_and_is_named_with_its_log(tmp_path, capfd)
     assert "[4/4]" in capfd.readouterr().out
 
 
+@pytest.mark.usefixtures("one_process")
 def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, capfd, register):
     register(REPORTS, tables="analysis.collect:collect_tables", report="analysis.report.make:report_results")
     config = asked(tmp_path)
@@ -171,6 +176,7 @@ def test_tables_that_cannot_be_made_are_an_error(tmp_path):
         reproduce(asked(tmp_path), pretend, lambda config, plan: False)
 
 
+@pytest.mark.usefixtures("one_process")
 def test_a_study_is_done_once_for_the_same_options(tmp_path, capfd, register):
     register(STUDIES, "def run(output):\n    (output / 'a.csv').touch()\n", pictures="some_plugins:run")
     study = {"title": "Pictures", "study": "pictures", "scales": {"smoke": {}}}
@@ -182,6 +188,7 @@ def test_a_study_is_done_once_for_the_same_options(tmp_path, capfd, register):
     assert "0 of 1 studies to do" in capfd.readouterr().out
 
 
+@pytest.mark.usefixtures("one_process")
 def test_a_study_that_fails_is_told_with_its_log(tmp_path, register):
     register(STUDIES, "def run(output):\n    raise ValueError('no such file')\n", broken="some_plugins:run")
     study = {"title": "None", "study": "broken", "scales": {"smoke": {}}}
@@ -248,6 +255,7 @@ def test_a_scale_chooses_the_protocol_and_the_command_line_has_the_last_word(
     assert planned[0].seed == planned[0].levels.seed == 1
 
 
+@pytest.mark.usefixtures("one_process")
 def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
     asked = ("scale=smoke", "experiments=[fixed_n]", "dry_run=true")
     without, added = (
