@@ -23,9 +23,17 @@ class Here(Executor):
 
 
 @pytest.fixture
-def one_process(monkeypatch):
+def one_process():
     """The work of a pool is done in this process: where processes are not the point, none is started."""
-    monkeypatch.setattr("experiments.reproduction.process_pool._pool", contextmanager(lambda _: (yield Here())))
+    with working_here():
+        yield
+
+
+@contextmanager
+def working_here():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("experiments.reproduction.process_pool._pool", contextmanager(lambda _: (yield Here())))
+        yield
 
 
 @pytest.fixture

@@ -215,6 +215,7 @@ def test_a_command_line_names_suites_and_players():
     assert with_names(given) == ["suites=core", "player=idle", "algorithm=ppo_fast", "seed=1,2", "--multirun"]
 
 
+@pytest.mark.usefixtures("one_process")
 def test_a_trained_row_resumes_replays_and_can_be_made_again(tmp_path, capsys):
     ppo = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0)
     config = config_of(tmp_path, budget="open")

@@ -9,6 +9,7 @@ from optuna.trial import TrialState
 from experiments.commands.config_store import conf_dir, register_settings
 from experiments.search import SETTINGS, Search, SearchConfig, build, distributions, example_of, search, with_values
 from experiments.settings import ConfigError, PPOConfig, RunConfig, TrainingError
+from tests.experiments.conftest import working_here
 
 SPACE = {
     "algorithm": {
@@ -38,9 +39,10 @@ def asked(root, space=SPACE, **changes):
 def searched(tmp_path_factory):
     """A search of six trials, begun with three of them and cut off in a fourth; its folder and both studies."""
     root = tmp_path_factory.mktemp("searched")
-    first = search(asked(root))
-    cut_off = first.ask(distributions(SPACE))
-    return root, cut_off.params, search(asked(root, trials=6))
+    with working_here():
+        first = search(asked(root))
+        cut_off = first.ask(distributions(SPACE))
+        return root, cut_off.params, search(asked(root, trials=6))
 
 
 def test_a_search_goes_on_where_it_stopped_and_tries_again_what_was_cut_off(searched):
