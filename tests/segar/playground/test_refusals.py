@@ -67,8 +67,8 @@ def test_too_many_levels_and_what_is_none_are_refused() -> None:
 def test_a_policy_for_other_observations_is_refused_with_both() -> None:
     policy = convolutional("rgb")
     refused(r"reads uint8 of shape \(64, 64, 3\).*\(state, in the levels 'levels'\) is float32 of shape \(\d+,\)",
-            observations=["state", "rgb"], policy=policy)  # fmt: skip
-    refused("in the levels 'test'", LEVELS, segar.family("objectsx2-hard").sample(3), observations=["state"],
+            observations=["state"], policy=policy)  # fmt: skip
+    refused("in the levels 'test'", LEVELS, segar.family("objectsx3-hard").sample(3), observations=["state"],
             policy=perceptron("state"))  # fmt: skip
 
 

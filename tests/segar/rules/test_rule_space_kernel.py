@@ -46,9 +46,9 @@ def ends(levels: Levels, make=Simulator, sub_steps: int = 25) -> np.ndarray:
     return state.values
 
 
-@pytest.mark.parametrize("name", ["objectsx2-hard", pytest.param("tilesx3-hard", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["objectsx3-hard", pytest.param("tilesx3-hard", marks=pytest.mark.slow)])
 def test_kernel_and_interpreter_agree_on_random_rule_sets(name, request):
-    count = 60 if name == "objectsx2-hard" else 1000
+    count = 60 if name == "objectsx3-hard" else 1000
     levels = charged(family(name).with_rules(dynamics_space(DiscreteRangeNoise(0, 6))).sample(count, seed=2))
     state = random_states(levels, count, np.random.default_rng(3), speed=1.0)
     state.level[:] = np.arange(count)
@@ -72,7 +72,14 @@ def test_a_compiled_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_b
     assert ends(levels, sub_steps=200)[index].tobytes() == ends(specialised(levels[index]), sub_steps=200)[0].tobytes()
 
 
-@pytest.mark.parametrize("name", ["objectsx3-hard", "tilesx3-hard", "empty-hard"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "objectsx3-hard",
+        pytest.param("tilesx3-hard", marks=pytest.mark.slow),
+        pytest.param("empty-hard", marks=pytest.mark.slow),
+    ],
+)
 def test_the_default_physics_is_a_point_of_the_space(name):
     """The options lorentz and friction together are the default rules, to the bit."""
     assert name in families()
@@ -88,7 +95,7 @@ def test_the_default_physics_is_a_point_of_the_space(name):
 
 
 def test_results_do_not_depend_on_batch_or_threads():
-    levels = family("objectsx2-hard").with_rules(SPACE).sample(40, seed=6)
+    levels = family("objectsx3-hard").with_rules(SPACE).sample(40, seed=6)
     seen = []
     for num_envs, threads in ((40, 1), (40, 2), (8, 1)):
         rows = []
