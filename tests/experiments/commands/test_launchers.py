@@ -34,6 +34,7 @@ def test_the_demonstration_is_a_sweep_of_four_runs_of_one_configuration():
     assert (config.levels.train, config.scale.frames, config.tracking.sweep) == ("empty-easy", 40_000, "demo")
 
 
+@pytest.mark.slow
 def test_runs_side_by_side_and_the_same_sweep_again_trains_nothing(tmp_path):
     asked = ("seed=1,2", "hydra/launcher=cores", "hydra.launcher.n_jobs=2", f"root={tmp_path / 'runs'}")
     done = sweep(tmp_path, *asked)

@@ -1,12 +1,9 @@
 """What a process is told before it computes: sleeping threads, as many as asked for, and a heap that keeps its memory."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
-
-import pytest
 
 import experiments
 
@@ -46,12 +43,17 @@ def test_threads_of_openmp_sleep_unless_the_user_says_otherwise():
     assert policy(OMP_WAIT_POLICY="active") == "active"
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_sets_them_before_torch_is_imported(command):
-    ask = f"import os, sys, experiments.{command}; print(os.environ['OMP_WAIT_POLICY'], 'torch' in sys.modules)"
-    environment = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
-    done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True, env=environment)
-    assert done.stdout.split() == ["passive", "False"]
+def test_every_command_sets_them_before_torch_is_imported():
+    script = (
+        "import importlib, os, sys\n"
+        "for command in sys.argv[1:]:\n"
+        "    os.environ.pop('OMP_WAIT_POLICY', None)\n"
+        "    for name in [name for name in sys.modules if name.partition('.')[0] == 'experiments']: del sys.modules[name]\n"
+        "    importlib.import_module(f'experiments.{command}')\n"
+        "    print(command, os.environ.get('OMP_WAIT_POLICY'), 'torch' in sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script, *COMMANDS], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [f"{command} passive False" for command in COMMANDS]
 
 
 def test_what_one_run_leaves_behind_is_found_before_the_next():
