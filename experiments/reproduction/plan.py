@@ -4,6 +4,7 @@ import dataclasses
 import json
 import socket
 import statistics
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -351,8 +352,19 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
         " algorithm.anneal lowers the learning rate to 0 in the last one. Give more frames, or algorithm.anneal=false"
     ) if idle else ""  # fmt: skip
     claims = (line for one in plan.experiments for line in untestable_claims(one, plan.members[one.name]))
-    more = (*claims, warning, plan.other_code)
+    more = (*sharing(waiting, processes), *claims, warning, plan.other_code)
     return "\n".join([table(head, rows), closing, *filter(None, more)])
+
+
+def sharing(waiting: Sequence[RunTask], processes: int) -> list[str]:
+    """A sentence for each GPU that several of the waiting runs compute on at the same time."""
+    devices = Counter(getattr(work.run.algorithm, "device", "cpu") for work in waiting)
+    return [
+        f"{count} runs compute on {device}, up to {min(processes, count)} at a time: each process has a context and memory of"
+        " its own there. Give processes=1, or a smaller number, if the GPU's memory is too small for them."
+        for device, count in devices.items()
+        if device != "cpu" and min(processes, count) > 1
+    ]
 
 
 def kind_of(run: RunConfig) -> tuple[str, str]:

@@ -8,10 +8,10 @@ import pytest
 
 from experiments.levels.builders import Prepared
 from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds
+from experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds, sharing
 from experiments.runs.executed_code import executed_code
 from experiments.runs.run_folder import CHECKPOINT, JOURNAL, SUMMARY, folder_path, write_json
-from experiments.settings import ConfigError, ScaleConfig
+from experiments.settings import ConfigError, PPOConfig, ScaleConfig
 from tests.synthetic_runs import settings, write_run
 
 SCALE = ScaleConfig(name="quick", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
@@ -216,3 +216,18 @@ def test_a_plan_tells_runs_that_stay_untrained(tmp_path):
     assert "warning: 4 runs stay untrained, such as empty-" in text
     longer = plan_of(tmp_path, main={**MAIN, "grid": {"algorithms": ["ppo_fast"], "frames": 10**6}})
     assert "untrained" not in as_text(longer, Speeds({}, {}, 0), 1, SCALE)
+
+
+def test_a_plan_tells_runs_that_share_a_gpu(tmp_path):
+    plan = plan_of(tmp_path, main=MAIN)
+    runs = [
+        dataclasses.replace(
+            work, run=dataclasses.replace(work.run, algorithm=PPOConfig(device=device, precision="fp32"))
+        )
+        for work, device in zip(plan.runs, ("cpu", "cuda:1", "cuda:1", "cuda"), strict=True)
+    ]
+    (line,) = sharing(runs, 3)
+    assert line.startswith("2 runs compute on cuda:1, up to 2 at a time: each process has a context and memory")
+    assert sharing(runs, 1) == []
+    on_gpu = dataclasses.replace(plan, members={"main": tuple(runs)}, runs=tuple(runs))
+    assert line in as_text(on_gpu, Speeds({}, {}, 0), 3, SCALE)
