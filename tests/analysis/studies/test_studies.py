@@ -1,6 +1,7 @@
 """Studies without training: what they leave is what the library says, and hangs together."""
 
 import pandas as pd
+import pytest
 
 from analysis.studies.baselines import players
 from analysis.studies.hardness import hardness_with
@@ -23,6 +24,7 @@ def test_the_floor_is_the_better_of_idle_and_random_play_on_each_level():
     assert both["return"].max() < table.loc["floor", "return"] < table.loc["oracle", "return"]
 
 
+@pytest.mark.slow
 def test_a_slow_arrival_is_hard_for_chance_and_not_for_the_planner():
     row = hardness_with(1, 2)
     assert row["random_success"] < 0.2 < row["oracle_success"] == 1.0

@@ -169,6 +169,7 @@ def test_the_highest_scores_stay_whatever_comes_in_which_order():
     assert sorted(rows.score) == list(range(30, 40))
 
 
+@pytest.mark.slow
 def test_plr_plays_rare_hard_levels_more_than_uniform_does_and_the_log_shows_it(tmp_path, monkeypatch):
     """The scores are planted: every tenth level of the set is hard."""
     hard, shares = {*range(0, 40, 10)}, {}

@@ -206,6 +206,7 @@ def test_a_study_that_is_not_known_is_an_error_before_anything_is_trained(tmp_pa
     assert not (tmp_path / "trained").exists()
 
 
+@pytest.mark.slow
 def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):
     """Killed while the second cell is at work; started again, it trains all but the first."""
     script = tmp_path / "slowly.py"

@@ -143,6 +143,7 @@ class Patient(PPOConfig):
 """
 
 
+@pytest.mark.slow
 def test_a_run_of_files_is_evaluated_from_another_folder(tmp_path):
     (tmp_path / "breezes.py").write_text(DEFINITIONS)
     (tmp_path / "patience.py").write_text(LEARNER)

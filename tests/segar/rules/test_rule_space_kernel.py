@@ -110,7 +110,7 @@ def test_results_do_not_depend_on_batch_or_threads():
 
 
 def test_ten_thousand_rule_sets_share_one_kernel():
-    levels = family("objectsx2-hard").with_rules(SPACE).sample(14_000, seed=1)
+    levels = family("objectsx3-hard").with_rules(SPACE).sample(14_000, seed=1)
     columns = [levels.layout.parameters.index(p) for p in SPACE.parameters]
     _, first = np.unique(levels.parameters[:, columns], axis=0, return_index=True)
     distinct = levels[np.sort(first)[:10_000]]
