@@ -13,6 +13,7 @@ import sys
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from types import ModuleType
 
 import numpy as np
 
@@ -56,10 +57,8 @@ CONFLICT, STATE_NOT_FINITE, REWARD_NOT_FINITE = 1, 2, 3
 """What the first of an environment's five ``errors`` says; 0 where there is none. See :class:`FactorSetting` for the others
 of a conflict, which is kept if a number becomes infinite, too."""
 
-COPY_MARK, COPY_MARK_OF_RULES = (
-    "# --- copied from here on ---\n",
-    "# --- copied from here on, with what the rules became ---\n",
-)
+COPY_MARK = "# --- copied from here on ---\n"
+COPY_MARK_OF_RULES = "# --- copied from here on, with what the rules became ---\n"
 IMPORTS = "import math\n\nimport numpy as np\nfrom numba import njit\n"
 MANY_BODIES = 12  # above this number it pays to sort bodies before pairs are compared
 
@@ -92,14 +91,17 @@ def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunc
         RuleError: a rule or the task needs a parameter, an entity or a factor that the layout cannot serve.
         ConflictError: two rules always contradict each other.
     """
-    builder = _Builder(layout, world, task)
+    builder, text = _Builder(layout, world, task), _geometry_text()
     functions = builder.functions()
+    shared = "\n".join([IMPORTS, builder.constants(), text])
+    names = ", ".join(re.findall(r"^(?:def )?(\w+)(?= = |\()", text, re.M))
     imports = [
         import_line(gather, "gather_range"),
         import_line(ledger, "dismiss, finish_part, make_ledger, open_ledger, take_part"),
         import_line(sheet, "make_sheet, sheet_with, table_on"),
+        f"from {kernel_path(shared).stem} import {names}",
     ]
-    return builder.module(imports, functions, entry_source(builder.environment("state_values[e]")), shares=True)
+    return builder.module(imports, functions, entry_source(builder.environment("state_values[e]")), shared)
 
 
 def generate_range(
@@ -114,7 +116,7 @@ def generate_range(
         RuleError, ConflictError: see :func:`generate`.
     """
     builder = _Builder(layout, world, task)
-    functions = builder.functions()
+    functions = "\n\n\n".join([_geometry_text(), builder.functions()])
     shape = len(layout.slots), layout.width
     length = builder.length_of_lists()
     entry = _RANGE.format(
@@ -163,18 +165,10 @@ class _Builder:
         """Slots whose entities may collide."""
         return self._slots(COLLIDES)[0]
 
-    def module(self, imports: Sequence[str], functions: str, entry: str, shares: bool = False) -> KernelSource:
+    def module(self, imports: Sequence[str], functions: str, entry: str, shared: str = "") -> KernelSource:
         """The module of these functions and an entry that calls them; the header imports what the functions call."""
-        geometry, contacts = _runtime_text()
-        shared = ""
-        if shares:
-            shared = "\n".join([IMPORTS, self.constants(), geometry])
-            names = re.findall(r"^(?:def )?(\w+)(?= = |\()", geometry, re.M)
-            imports = [*imports, f"from {kernel_path(shared).stem} import {', '.join(names)}"]
-            geometry = ""
-        text = "\n".join(
-            [self.header(imports), self.constants(), geometry, contacts, "\n\n\n".join([functions, entry])]
-        )
+        resolving = _copied(contacts, COPY_MARK_OF_RULES)
+        text = "\n".join([self.header(imports), self.constants(), resolving, "\n\n\n".join([functions, entry])])
         traced = [*self.rules, *self.task.of_state]
         draws = any(symbol.op == "draw" for rule in traced for symbol in language.symbols_of(rule.tree))
         return KernelSource(text, shared, self.source.matcher.masks(), tuple(self.rules), self.length_of_lists(), draws)
@@ -206,6 +200,8 @@ columns: {", ".join(f"{f.__name__} {c}" for f, c in columns.items())}
 
 {IMPORTS}
 {lines}{self._mathematics()}
+
+CONTACT_MOVES = {self._contacts_move()}
 '''
 
     def constants(self) -> str:
@@ -228,7 +224,6 @@ ORDER_AT = 0
 NEAR_AT = {len(colliders)}
 MANY_BODIES = {len(colliders) > MANY_BODIES}
 ROOM = {_room(len(colliders))}
-CONTACT_MOVES = {self._contacts_move()}
 """
 
     def _mathematics(self) -> str:
@@ -313,12 +308,14 @@ def _room(bodies: int) -> int:
     return bodies * (bodies + 1) // 2 + 4 * bodies
 
 
-def _runtime_text() -> tuple[str, str]:
-    """The source of what depends on no rule, and of what calls the functions that the rules became."""
-    shared = inspect.getsource(geometry).split(COPY_MARK, 1)[1]
-    near, resolving = inspect.getsource(contacts).split(COPY_MARK, 1)[1].split(COPY_MARK_OF_RULES)
-    decorated = [text.replace("@njit\n", DECORATOR + "\n") for text in (f"{shared}\n\n{near}", resolving)]
-    return decorated[0], decorated[1]
+def _geometry_text() -> str:
+    """The source of what depends on no rule."""
+    return "\n\n".join([_copied(geometry, COPY_MARK), _copied(contacts, COPY_MARK, COPY_MARK_OF_RULES)])
+
+
+def _copied(part: ModuleType, begin: str, end: str = "\0") -> str:
+    """The source of a module of the runtime from one mark on, to another one or to its end, for numba."""
+    return inspect.getsource(part).split(begin, 1)[1].split(end, 1)[0].replace("@njit\n", DECORATOR + "\n")
 
 
 def entry_source(environment: str) -> str:

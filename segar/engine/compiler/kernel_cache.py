@@ -116,7 +116,7 @@ def load_module(text: str) -> ModuleType:
         if not is_compiled(path):
             print(f"segar: compiling kernel {name[2:6]} (first time, about 10 s)", file=sys.stderr, flush=True)
         keep_beside(module.advance)
-    else:
+    else:  # what kernels share: each function is kept by itself
         for function in vars(module).values():
             if hasattr(function, "py_func"):
                 keep_beside(function)

@@ -1,5 +1,4 @@
-"""Geometry as the kernels run it. The text below the line is copied into a module that worlds of one
-layout share.
+"""Geometry as the kernels run it. The text below the line is copied into a module that worlds of one layout share.
 
 State of one environment: ``V[entity, column]``; static shapes of its level: ``kind[entity]``, ``count[entity]``
 vertices ``vertex[entity, k, 2]``, ``hull_radius[entity]``. Everything is plain Python.
