@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -15,7 +16,7 @@ STEPS = 200  # two episodes: that resets are in the numbers
 
 
 def gpu(repeats: int) -> Iterator[Row]:
-    """Environment steps per second, observations and resets included; the processor's core in the note."""
+    """Million environment steps per second, observations and resets included; those of one core in the note."""
     import torch
 
     if not torch.cuda.is_available():
@@ -26,30 +27,30 @@ def gpu(repeats: int) -> Iterator[Row]:
             core = rate(levels, 1024, observation, repeats, "cpu", STEPS if observation == "state" else STEPS // 4)[0]
             for num_envs in sizes:
                 rates, seconds = rate(levels, num_envs, observation, repeats, "cuda", STEPS)
-                note = f"{num_envs} environments; first step after {seconds:.0f} s"
-                note += f"; one core does {sorted(core)[len(core) // 2]:.3g}"
+                note = (
+                    f"{num_envs} environments, ready after {seconds:.0f} s; one core does {statistics.median(core):.3g}"
+                )
                 yield Row(f"{torch.cuda.get_device_name()} {family} {observation}", rates, "M/s", note=note)
 
 
 def rate(
     levels: Any, num_envs: int, observation: str, repeats: int, device: str, steps: int
 ) -> tuple[list[float], float]:
-    """Million steps per second, and the seconds until the first reset was done."""
+    """Million steps per second, and the seconds until the first states were there."""
     import torch
 
     begun = time.perf_counter()
     env = segar.envs.VectorEnv(levels, num_envs, observation=observation, seed=0, device=device, copy=False)
     env.reset()
-    env.state()
+    env.state()  # which waits for the GPU
     seconds = time.perf_counter() - begun
-    there = env.reset()[0].device if device == "cuda" else None
-    actions = torch.rand(16, num_envs, 2, device=there) * 2 - 1
-    given = [one if there else one.numpy() for one in actions]
+    actions = torch.rand(16, num_envs, 2, device=device) * 2 - 1
+    given = list(actions if env.runs_on_gpu else actions.numpy())
 
     def roll() -> None:
         for step in range(steps):
             env.step(given[step % 16])
-        if there:
+        if env.runs_on_gpu:
             torch.cuda.synchronize()
 
     roll()

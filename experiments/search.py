@@ -106,9 +106,8 @@ def with_values(run: RunConfig, values: Mapping[str, Any]) -> RunConfig:
 class SearchConfig:
     """The space of a search, its budget, and the figure that it optimises."""
 
-    space: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # settings by name, each with a :class:`Dimension` or choices
+    # Settings by name, each with a :class:`Dimension` or choices.
+    space: Mapping[str, Any] = field(default_factory=dict)
     trials: int = 20  # in all, those of earlier calls included
     processes: int = 1  # runs at a time
     seeds: int = 1  # runs per trial, of which the mean counts; from ``seed`` upwards

@@ -19,6 +19,7 @@ from tests.agreement import summary
 settings.register_profile("shared", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("shared")
 
+TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of glibc
 PAPER = Path(os.environ.get("SEGAR_PAPER", Path(__file__).parents[2] / "shared" / "paper" / "segar.tex"))
 
 collect_ignore = [] if PAPER.is_file() else ["project/test_paper_listings.py"]
@@ -31,9 +32,8 @@ def pytest_collection_finish() -> None:
 
 def pytest_runtest_teardown(item, nextitem) -> None:
     """After a module, the memory that its tests left goes back to the system: a worker runs thousands of tests."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None and (nextitem is None or nextitem.module is not item.module):
-        trim(0)
+    if TRIM is not None and (nextitem is None or nextitem.module is not item.module):
+        TRIM(0)
 
 
 def pytest_sessionfinish(session) -> None:
