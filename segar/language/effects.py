@@ -45,8 +45,10 @@ class Effect(Generic[F]):
         if source is None:
             raise RuleError(
                 f"the first argument of {type(self).__name__} must be the factor that changes, as the rule received it"
-                f" (got {target!r}, which is computed)"
+                f" (got a {type(target).__name__}, which is computed)"
             )
+        if getattr(source.factor, "width", 1) == 0:
+            raise RuleError(f"{type(self).__name__} was given {source.factor.__name__}, a text, which no rule changes")
         if not issubclass(source.factor, self.factor) and not issubclass(self.factor, source.factor):
             raise RuleError(
                 f"{type(self).__name__} was given a {source.factor.__name__} to change, not a {self.factor.__name__}"

@@ -1,14 +1,18 @@
-"""The generators of random numbers that a function can draw from, and whether it did."""
+"""What a function can reach by names: generators of random numbers, with their states, and code that cannot be traced."""
 
+import dis
 import functools
+import linecache
 import pickle
 import random
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
+
+from segar.errors import RuleError
 
 GENERATORS = (random.Random, np.random.BitGenerator, np.random.RandomState)
 OTHERS = ("segar", "numpy", *sys.stdlib_module_names)  # packages whose functions and classes are not looked into
@@ -16,11 +20,11 @@ MOST_REACHED = 1000  # objects that are looked at
 LARGE = 100  # containers with more elements hold data
 
 
-def generators_of(function: Callable[..., Any]) -> list[Any]:
-    """The generators that a function, and what it calls of the author's own, can name: of Python and of numpy.
+def reached_by(function: Callable[..., Any]) -> list[Any]:
+    """The function, and what it and the functions of the author's own that it calls can name.
 
     Looked through are global names, closures, defaults, attributes of modules that the code names, and objects of the author's
-    own with their attributes.
+    own with their attributes and methods.
     """
     seen: dict[int, Any] = {}
     waiting = [function]
@@ -29,7 +33,65 @@ def generators_of(function: Callable[..., Any]) -> list[Any]:
         if id(one) not in seen:
             seen[id(one)] = one  # keeps it, so that its id stays its own
             waiting += _reached(one)
-    return [one for one in seen.values() if isinstance(one, GENERATORS) and not isinstance(one, random.SystemRandom)]
+    return list(seen.values())
+
+
+def generators_of(reached: Sequence[Any]) -> list[Any]:
+    """The generators of Python and of numpy among what a function reaches."""
+    return [one for one in reached if isinstance(one, GENERATORS) and not isinstance(one, random.SystemRandom)]
+
+
+def require_traceable(reached: Sequence[Any], where: str) -> None:
+    """Refuse code that would find a symbol to be no number, whatever the symbol does: ``is``, ``type``, ``id``, ``try``.
+
+    Raises:
+        RuleError: with the line.
+    """
+    functions = [one for one in reached if isinstance(one, FunctionType)]
+    names = {name for one in functions for code in _codes(one.__code__) for name in code.co_names}
+    for one in functions:
+        if one is reached[0] or (_is_of_author(one) and (not _is_method(one) or one.__name__ in {*names, "__call__"})):
+            for code in _codes(one.__code__):
+                _require_traceable(code, one, where)
+
+
+def _require_traceable(code: CodeType, function: FunctionType, where: str) -> None:
+    instructions = list(dis.get_instructions(code))
+    for n, at in enumerate(instructions):
+        refusal = _refusal(instructions[n - 1], at, instructions[n + 1 : n + 5], function)
+        if refusal:
+            lines = (one.positions.lineno for one in instructions[n:] if one.positions)
+            number = next(filter(None, lines), code.co_firstlineno)
+            line = linecache.getline(code.co_filename, number).strip()
+            raise RuleError(f"{where} (line {number}: `{line}`): a rule cannot use {refusal}")
+
+
+def _is_of_author(function: FunctionType) -> bool:
+    return function.__globals__.get("__name__", "").partition(".")[0] not in OTHERS
+
+
+def _is_method(function: FunctionType) -> bool:
+    owner = function.__qualname__.rpartition(".")[0]
+    return bool(owner) and not owner.endswith("<locals>")
+
+
+def _refusal(
+    before: dis.Instruction, at: dis.Instruction, after: list[dis.Instruction], function: FunctionType
+) -> str | None:
+    """What a rule cannot use of an instruction, and what to write instead; None for any other instruction."""
+    if at.opname == "PUSH_EXC_INFO":
+        return "'try' and 'with': what raises while it is compiled is not what raises for numbers; test with 'if'"
+    if at.opname == "IS_OP" and not (before.opname == "LOAD_CONST" and before.argval is None):
+        return "'is': a number is another object each time, and none while the rule is compiled; write '==', or 'x is None'"
+    makes_another = "PUSH_NULL" in (
+        before.opname,
+        *(one.opname for one in after),
+    )  # calls the type, as in type(v)(x, y)
+    asks = at.argval == "id" or (at.argval == "type" and not makes_another)
+    is_builtin = at.opname in ("LOAD_GLOBAL", "LOAD_NAME") and at.argval not in function.__globals__
+    if (asks and is_builtin) or (at.opname == "LOAD_ATTR" and at.argval == "__class__"):
+        return f"'{at.argval}', which is another one while the rule is compiled; write isinstance(), or compare numbers"
+    return None
 
 
 def state_of(generator: Any) -> bytes:
@@ -67,7 +129,9 @@ def _reached(one: Any) -> Iterable[Any]:
     is_own = (
         getattr(one if isinstance(one, type) else type(one), "__module__", "builtins").partition(".")[0] not in OTHERS
     )
-    return [*getattr(one, "__dict__", {}).values()] if is_own and not isinstance(one, ModuleType) else ()
+    if not is_own or isinstance(one, ModuleType):
+        return ()
+    return [*getattr(one, "__dict__", {}).values(), *(one.__bases__ if isinstance(one, type) else [type(one)])]
 
 
 def _named_by(function: FunctionType) -> list[Any]:

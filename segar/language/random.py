@@ -7,30 +7,33 @@ bit whatever the batch size or the number of threads.
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 from segar.errors import RuleError
 from segar.language.values import cos, log, sqrt
 
-_sources: list[Callable[[], Any]] = []  # the last one, of a tracer or an interpreter, supplies the uniform draws
+_source: ContextVar[Callable[[], Any] | None] = ContextVar("source", default=None)
+"""Supplies the uniform draws of the tracer or interpreter in this thread."""
 TINY = 2.0**-54  # keeps log() finite; half the spacing of the 53-bit uniforms
 
 
 @contextmanager
 def drawing_from(source: Callable[[], Any]) -> Iterator[None]:
     """A context in which rules draw their uniform numbers in [0, 1) from ``source``."""
-    _sources.append(source)
+    before = _source.set(source)
     try:
         yield
     finally:
-        _sources.pop()
+        _source.reset(before)
 
 
 def uniform(low: Any = 0.0, high: Any = 1.0) -> Any:
     """A number uniform in [low, high)."""
-    if not _sources:
+    draw = _source.get()
+    if draw is None:
         raise RuleError("segar.random draws only inside a rule that the simulator runs")
-    return low + (high - low) * _sources[-1]()
+    return low + (high - low) * draw()
 
 
 def normal(mean: Any = 0.0, std: Any = 1.0) -> Any:

@@ -6,6 +6,7 @@ functions of the state may have the hints ``Every`` or ``Best`` on their last ar
 """
 
 import inspect
+import operator
 import sys
 import typing
 from collections.abc import Callable
@@ -19,7 +20,7 @@ from segar.language.effects import Effect
 from segar.language.entities import Entity
 from segar.language.factors import Factor, Text, concrete_factors
 from segar.language.parameters import Parameter
-from segar.language.symbols import Symbol, make
+from segar.language.symbols import Symbol, Traced, is_traced, make, refusal
 from segar.language.values import Source, VectorValue
 
 T = TypeVar("T")
@@ -94,6 +95,15 @@ class EntityView:
         self, index: int, type_: type[Entity] | None, read: Callable[[int, type[Factor]], Any], relation: Any
     ) -> None:
         self.index, self.type, self._read, self._relation = index, type_, read, relation
+
+    @property
+    def __class__(self) -> type:  # what isinstance asks
+        if is_traced():
+            raise refusal(
+                "which entity it is, is not known while the rule is compiled, so isinstance() cannot use it; let the hint of"
+                " the argument be the entity class, or compare its Label or ID, as in entity[Label] == 'ball'"
+            )
+        return EntityView
 
     def __getitem__(self, factor: type[Factor]) -> Any:
         if not (isinstance(factor, type) and issubclass(factor, Factor)):
@@ -204,36 +214,42 @@ def _load(entity: int, factor: Any) -> Any:
     if factor.width == 1:
         return make("load", entity, factor, 0)
     if issubclass(factor, Text):
-        return _TextSymbol(entity, factor)
+        return _TextSymbol(Source(entity, factor))
     return None  # markers and shapes only decide what matches
 
 
-class _TextSymbol:
+class _TextSymbol(Traced, stands_for=(str,)):
     """A text factor while a rule is traced: it can only be compared, and the entity's type decides."""
 
-    def __init__(self, entity: int, factor: type[Factor]) -> None:
-        self.entity, self.factor = entity, factor
+    what, instead = "a text factor", "compare it with a text, as in label == 'ball' or label in ('ball', 'cueball')"
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+
+    @property
+    def __class__(self) -> type:  # what isinstance asks
+        return str
 
     def __eq__(self, other: object) -> Any:
-        return make("relation", ("text", self.factor, str(other)), self.entity, self.entity)
+        if type(other) is not str:
+            self.refuse(f"a comparison with {type(other).__name__}")
+        at = self.source.argument
+        return make("relation", ("text", self.source.factor, other), at, at)
 
     def __ne__(self, other: object) -> Any:
         return (self == other).negate()
 
-    __hash__ = None  # type: ignore[assignment]
-
-    def __repr__(self) -> str:
-        return f"{self.factor.__name__}, a text, which no rule changes"
+    def __hash__(self) -> int:
+        return self.refuse("sets, keys and caches")
 
 
-class _ActionSymbols:
+class _ActionSymbols(Traced, stands_for=(tuple,)):
     """The action while a rule is traced: how many numbers it has is known when the task is compiled."""
 
-    def __getitem__(self, index: int) -> Symbol:
-        return make("action", int(index))
+    what, instead = "an action as a whole", "take the numbers of an action by their index, e.g. action[0]"
 
-    def __iter__(self) -> Any:
-        raise RuleError("take the numbers of an action by their index, e.g. action[0]")
+    def __getitem__(self, index: int) -> Symbol:
+        return make("action", operator.index(index))
 
 
 def _argument(function: Callable[..., Any], name: str, hint: Any, entities: list[Pattern]) -> Argument:

@@ -19,7 +19,7 @@ from segar.errors import RuleError
 from segar.language import random, symbols
 from segar.language.effects import Effect
 from segar.language.factors import Factor, Flag
-from segar.language.generators import generators_of, restore, state_of
+from segar.language.generators import generators_of, reached_by, require_traceable, restore, state_of
 from segar.language.symbols import NO_NUMPY, Symbol, as_symbol, as_truth, walk
 from segar.language.values import VectorValue
 
@@ -96,7 +96,9 @@ def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[
         RuleError: anything that cannot be traced, at the author's line; more than 64 paths; a function that draws from a
             generator of Python or numpy, or that computes something else when it is called again.
     """
-    generators = generators_of(function)
+    reached = reached_by(function)
+    require_traceable(reached, where)
+    generators = generators_of(reached)
     before = [state_of(one) for one in generators]
     try:
         tree = _explore_all(function, arguments, finish, where)
@@ -176,19 +178,27 @@ def _run(
 
     draws = itertools.count()
     try:
-        with symbols.deciding_by(decide), random.drawing_from(lambda: symbols.make("draw", next(draws))):
-            return decided, finish(function(*arguments))
+        with symbols.deciding_by(decide) as refused, random.drawing_from(lambda: symbols.make("draw", next(draws))):
+            returned = function(*arguments)
+        if not refused:
+            return decided, finish(returned)
     except RuleError as error:
-        raise RuleError(f"{where}{_author_line(function, error)}: {error}") from error
-    except (TypeError, ValueError, AttributeError, IndexError, KeyError, NameError, ZeroDivisionError) as error:
+        raise RuleError(
+            f"{where}{_author_line(function, traceback.extract_tb(error.__traceback__))}: {error}"
+        ) from error
+    except Exception as error:  # whatever the author's code raises is told with its line
         message = NO_NUMPY if "__array_ufunc__" in str(error) else f"{type(error).__name__}: {error}"
-        raise RuleError(f"{where}{_author_line(function, error)}: {message}") from error
+        raise RuleError(
+            f"{where}{_author_line(function, traceback.extract_tb(error.__traceback__))}: {message}"
+        ) from error
+    error, calls = refused[0]  # which some code caught
+    raise RuleError(f"{where}{_author_line(function, calls)}: {error}")
 
 
-def _author_line(function: Callable[..., Any], error: BaseException) -> str:
+def _author_line(function: Callable[..., Any], calls: traceback.StackSummary) -> str:
     """``" (line 12: `x = float(v)`)"``: the innermost line of the author's file."""
     code = getattr(function, "__code__", None)
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if code and f.filename == code.co_filename]
+    frames = [call for call in calls if code and call.filename == code.co_filename]
     if not frames:
         return ""
     last = frames[-1]

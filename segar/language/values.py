@@ -80,7 +80,7 @@ class Number(Arithmetic, float):
 
     def _apply(self, operation: str, *operands: Any) -> Any:
         for operand in operands:
-            if not isinstance(operand, (int, float)):
+            if not _is_number(operand):
                 return NotImplemented
         function = _divide if operation == "div" else python_function(operation)
         return Number(function(*map(float, operands)))
@@ -144,8 +144,7 @@ class VectorValue(Arithmetic):
     __slots__ = ("source", "x", "y")
 
     def __init__(self, x: Any, y: Any, source: Source | None = None) -> None:
-        self.x = Number(x) if isinstance(x, (int, float)) and not isinstance(x, Number) else x
-        self.y = Number(y) if isinstance(y, (int, float)) and not isinstance(y, Number) else y
+        self.x, self.y = _as_scalar(x), _as_scalar(y)
         self.source = source
 
     def _apply(self, operation: str, *operands: Any) -> VectorValue:
@@ -205,9 +204,6 @@ class VectorValue(Arithmetic):
         return f"Vector({self.x!r}, {self.y!r})"
 
 
-ZERO = VectorValue(0.0, 0.0)
-
-
 def sqrt(x: Any) -> Any:
     """Square root; nan below zero."""
     return _as_scalar(x).sqrt()
@@ -258,7 +254,7 @@ def literal_power(x: Any, exponent: Any) -> Any:
 
     A :class:`Number` was computed, in a kernel during a step, and has no such rule.
     """
-    if isinstance(exponent, Number) or not _is_number(exponent):
+    if type(exponent) is Number or not _is_number(exponent):
         return None
     if exponent == 2:
         return x * x
@@ -293,7 +289,7 @@ def maximum(a: Any, b: Any) -> Any:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float))
+    return issubclass(type(value), (int, float))  # isinstance would believe a symbol, which says that it is a number
 
 
 @cache
@@ -312,7 +308,7 @@ def _divide(a: float, b: float) -> float:
 
 
 def _as_scalar(x: Any) -> Any:
-    return Number(x) if isinstance(x, (int, float)) and not isinstance(x, Number) else x
+    return Number(x) if _is_number(x) and type(x) is not Number else x
 
 
 def _as_vector(value: Any) -> VectorValue:
@@ -322,3 +318,6 @@ def _as_vector(value: Any) -> VectorValue:
         x, y = value
         return VectorValue(float(x) if hasattr(x, "dtype") else x, float(y) if hasattr(y, "dtype") else y)
     return VectorValue(value, value)
+
+
+ZERO = VectorValue(0.0, 0.0)

@@ -16,6 +16,7 @@ from segar.language import (
     code_place,
     make,
     number_leaf,
+    operands_first,
     read_signature,
     symbolic_arguments,
     trace,
@@ -26,6 +27,7 @@ from segar.noise import Noise
 Read = Callable[[type[Factor], int], np.ndarray]
 """From a factor and a component (0 or 1) to its values, float64 ``(entities,)``."""
 
+MOST_OPERATIONS = 400  # of an expression that a distribution writes, which its hash and its files hold in full
 UNREADABLE = ("parameter", "action", "wall", "relation", "draw")
 
 
@@ -112,7 +114,20 @@ def _expression(name: str, given: Any) -> Symbol:
     if len(signature.entities) != 1 or strange:
         reason = f"it uses a {strange}" if strange else f"it takes {len(signature.entities)} entities"
         raise PriorError(f"Dependent: {name}: {code_place(given)} may read only numbers of one entity, and {reason}")
+    require_short(symbol, f"Dependent: {name}: {code_place(given)}")
     return symbol
+
+
+def require_short(symbol: Symbol, where: str) -> None:
+    """Raise :class:`PriorError` where an expression is longer than a distribution can write."""
+    lengths: dict[int, int] = {}
+    for part in operands_first(symbol):
+        lengths[id(part)] = 1 + sum(lengths[id(a)] for a in part.args if isinstance(a, Symbol))
+    if lengths[id(symbol)] > MOST_OPERATIONS:
+        raise PriorError(
+            f"{where} has {lengths[id(symbol)]:.4g} operations where its loops are written out, and a distribution takes at"
+            f" most {MOST_OPERATIONS}"
+        )
 
 
 def _number_of(tree: Tree) -> Symbol:

@@ -47,7 +47,7 @@ from segar.language import (
     specificity_of,
     walk,
 )
-from segar.levels.conditional import Dependent
+from segar.levels.conditional import Dependent, require_short
 from segar.noise import Choice, Noise
 
 
@@ -170,6 +170,7 @@ def factors_read(prior: Prior) -> frozenset[type[Factor]]:
         return frozenset()
     if len(prior.relation.signature.entities) != 1:
         raise PriorError(f"{prior}: the relation must be about one entity")
+    require_short(prior.relation.truth, f"Prior({prior.factor.__name__}, ...): {prior.relation.name}")
     symbols = walk(prior.relation.truth)
     for symbol in symbols:
         geometric = symbol.op == "relation" and isinstance(symbol.args[0], str)

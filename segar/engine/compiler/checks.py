@@ -1,8 +1,11 @@
 """Errors when a kernel is made: a rule needs something that the layout, the task or its place in the world lacks."""
 
-from segar.engine.compiler.emit import VARIABLES
+from segar.engine.compiler.emit import MATHEMATICS, VARIABLES
 from segar.errors import RuleError, did_you_mean
 from segar.language import Action, Layout, Order, Parameter, Position, Relation, Rule, Size, Velocity, holds, symbols_of
+
+MOST_OPERATIONS = 10_000  # of a rule, which compile in two minutes
+COST_OF_A_FUNCTION = 30  # operations that take as long to compile as a call of an elementary function
 
 
 def check_rule(rule: Rule, layout: Layout, numbers: int, allows_action: bool, allows_wall: bool) -> None:
@@ -24,7 +27,15 @@ def check_rule(rule: Rule, layout: Layout, numbers: int, allows_action: bool, al
         raise RuleError(f"{rule.where}: only a task's action and reward can take {Action.__name__}")
     if rule.signature.uses("wall") and not allows_wall:
         raise RuleError(f"{rule.where}: only World(wall_contact=...) can take Wall, and rules of on_contact")
-    for symbol in symbols_of(rule.tree):
+    symbols = symbols_of(rule.tree)
+    cost = sum(COST_OF_A_FUNCTION if symbol.op in MATHEMATICS else symbol.op != "const" for symbol in symbols)
+    if cost > MOST_OPERATIONS:
+        raise RuleError(
+            f"{rule.where}: has {cost:,} operations where its loops are written out, and a kernel takes at most"
+            f" {MOST_OPERATIONS:,} of a rule (an elementary function counts as {COST_OF_A_FUNCTION}); take fewer steps, or one"
+            " step in each sub-step, with a factor that holds what was reached"
+        )
+    for symbol in symbols:
         if symbol.op == "action" and not 0 <= symbol.args[0] < numbers:
             raise RuleError(
                 f"{rule.where}: takes action[{symbol.args[0]}], but the task's action has {numbers} numbers"

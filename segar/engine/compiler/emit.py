@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from segar.engine.compiler.spec import Group
-from segar.language import Rule, Symbol, make
+from segar.language import Rule, Symbol, make, operands_first
 from segar.support import mathematics
 
 BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
@@ -62,19 +62,22 @@ class Writer:
 
     def value(self, symbol: Symbol) -> str:
         """The name (or constant) that holds ``symbol`` here, computing it first where it is not known yet."""
+        for part in operands_first(symbol, self._known):
+            text = self._text(part)
+            if part.op not in ("parameter", "action"):
+                self._count += 1
+                self.line(f"t{self._count} = {text}")
+                text = f"t{self._count}"
+            self._scopes[-1][part] = text
+        known = self._known(symbol)
+        assert known is not None
+        return known
+
+    def _known(self, symbol: Symbol) -> str | None:
+        """The constant, or the name that holds the symbol here; None where it is not computed yet."""
         if symbol.op == "const":
             return constant(symbol.args[0])
-        for scope in reversed(self._scopes):
-            if symbol in scope:
-                return scope[symbol]
-        text = self._text(symbol)
-        if symbol.op in ("parameter", "action"):
-            return text
-        self._count += 1
-        name = f"t{self._count}"
-        self.line(f"{name} = {text}")
-        self._scopes[-1][symbol] = name
-        return name
+        return next((scope[symbol] for scope in reversed(self._scopes) if symbol in scope), None)
 
     def _text(self, symbol: Symbol) -> str:
         op, args = symbol.op, symbol.args
@@ -105,16 +108,18 @@ def constant(value: Any) -> str:
 
 def bind(symbol: Symbol, variables: tuple[str, ...], rule: int) -> Symbol:
     """The expression with its arguments replaced by loop variables: equal reads of two rules become one symbol."""
-    op, args = symbol.op, symbol.args
-    if op == "load":
-        return make("load", variables[args[0]], *args[1:])
-    if op == "relation":
-        return make("relation", args[0], variables[args[1]], variables[args[2]])
-    if op == "draw":
-        return make("draw", rule, args[0], *variables)
-    if not any(isinstance(a, Symbol) for a in args):
-        return symbol
-    return make(op, *(bind(a, variables, rule) if isinstance(a, Symbol) else a for a in args))
+    bound: dict[Symbol, Symbol] = {}
+    for part in operands_first(symbol):
+        op, args = part.op, part.args
+        if op == "load":
+            bound[part] = make("load", variables[args[0]], *args[1:])
+        elif op == "relation":
+            bound[part] = make("relation", args[0], variables[args[1]], variables[args[2]])
+        elif op == "draw":
+            bound[part] = make("draw", rule, args[0], *variables)
+        else:
+            bound[part] = make(op, *(bound[a] if isinstance(a, Symbol) else a for a in args))
+    return bound[symbol]
 
 
 VARIABLES = ("i", "j", "k")

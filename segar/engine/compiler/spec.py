@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import RuleError
-from segar.language import Entity, Factor, Floor, Layout, Pattern, Position, Slot, Symbol, holds, make
+from segar.language import Entity, Factor, Floor, Layout, Pattern, Position, Slot, Symbol, holds, make, operands_first
 
 PRESENT = ("present", None, None)
 TESTS: dict[str, Callable[[type[Entity], Any, Any], bool]] = {
@@ -123,18 +123,25 @@ class Matcher:
 
 def simplified_truth(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> Symbol:
     """A bound relation's truth with all parts replaced by True or False that the groups alone decide."""
-    if symbol.op == "not":
-        part = simplified_truth(matcher, symbol.args[0], groups)
-        return make("const", not part.args[0]) if part.op == "const" else part.negate()
-    if symbol.op in ("and", "or"):
-        ends = symbol.op == "or"  # the truth that decides alone
-        parts = [simplified_truth(matcher, s, groups) for s in symbol.args]
-        if any(p.op == "const" and p.args[0] is ends for p in parts):
-            return make("const", ends)
-        open_ = [p for p in parts if p.op != "const"]
-        return make("const", not ends) if not open_ else open_[0] if len(open_) == 1 else make(symbol.op, *open_)
-    answer = static_relation(matcher, symbol, groups)
-    return symbol if answer is None else make("const", answer)
+    found: dict[Symbol, Symbol] = {}
+    for part in operands_first(symbol):
+        parts = [found[s] for s in part.args] if part.op in ("not", "and", "or") else []
+        if part.op == "not":
+            (inner,) = parts
+            found[part] = make("const", not inner.args[0]) if inner.op == "const" else inner.negate()
+        elif parts:
+            ends = part.op == "or"  # the truth that decides alone
+            open_ = [p for p in parts if p.op != "const"]
+            if any(p.op == "const" and p.args[0] is ends for p in parts):
+                found[part] = make("const", ends)
+            else:
+                found[part] = (
+                    make("const", not ends) if not open_ else open_[0] if len(open_) == 1 else make(part.op, *open_)
+                )
+        else:
+            answer = static_relation(matcher, part, groups)
+            found[part] = part if answer is None else make("const", answer)
+    return found[symbol]
 
 
 def static_relation(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> bool | None:
