@@ -135,6 +135,7 @@ def test_test_levels_are_not_divided_and_training_levels_are(folder):
     assert units["test"] <= TEST_LEVELS and units["train"] > TRAINING_LEVELS
 
 
+@pytest.mark.slow
 def test_what_is_asked_of_one_representation_changes_nothing_about_another(folder):
     alone = probe_run(folder, dataclasses.replace(FEW, paper_replicates=0, representations={"identity": ["jsd"]}))
     among = probe_run(folder, FEW)

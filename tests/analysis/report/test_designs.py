@@ -1,5 +1,7 @@
 """The designs of the experiments give the verdicts the data that their rules ask for."""
 
+import pytest
+
 from analysis.report.rules import LEAST_BLOCKS, WHOLE
 from experiments.commands.config_store import register_settings
 from experiments.commands.hydra_app import compose_data, initialized
@@ -11,6 +13,7 @@ COMPARING_PANELS = ("figure_3a", "figure_4b")  # 3a, and 4b-none in the 2022 met
 OVER_PANELS = ("figure_3a", "figure_5a", "appendix_mass", "appendix_memory", "matched_sets", "rule_sets", "trials")
 
 
+@pytest.mark.slow
 def test_a_verdict_has_blocks_enough_at_standard():
     register_settings("reproduce", SETTINGS)
     with initialized():

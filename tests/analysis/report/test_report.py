@@ -238,6 +238,7 @@ def test_much_that_is_missing_is_summed_up_by_experiments(tmp_path, undrawn):
     assert "SAC (7 runs); Memory (1 run and tests or probes of 1 run)" in page
 
 
+@pytest.mark.slow
 def test_mlflow_gets_the_numbers_and_the_files_once(tmp_path, undrawn):
     folder = write_results(tmp_path / "quick-1", {"runs": few_runs()})
     tracking = {"name": "mlflow", "uri": None, "experiment": "segar"}

@@ -144,6 +144,7 @@ def test_a_claim_that_these_runs_cannot_decide_is_told(folder, claim, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 def test_what_is_not_testable_is_printed_with_the_reason(tmp_path, capsys):
     claims = {"late": {"says": "x", "test": "mean", "of": "radius", "expected": "none"}}
     report_results(made(tmp_path, {**STUDY, "claims": claims, "transfers": []}))
@@ -210,6 +211,7 @@ SMALL = {
 }
 
 
+@pytest.mark.slow
 def test_w2_of_a_study_with_a_transfer_is_in_one_unit_and_so_are_its_claims(tmp_path):
     folder = made(tmp_path, SMALL, with_levels)
     study = read_study(folder)
@@ -272,6 +274,7 @@ def test_the_report_of_a_study_states_the_rules_of_its_claims_and_no_others(fold
     assert not re.search(r"3a|4b|Holm|attribution|explained", rules)
 
 
+@pytest.mark.slow
 def test_agents_that_are_tested_on_the_levels_of_a_transfer_anyway_count_with_these(tmp_path):
     """Agents of empty-hard have no transfer to empty-hard."""
     claim = {"test": "difference", "between": {"difficulty": ["hard", "easy"]}, "tested_on": "empty-hard"}
@@ -309,6 +312,7 @@ def test_seeds_that_give_all_levels_of_a_file_are_one_level_set_and_shared_level
     assert said in (folder / "report.html").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mixes", [False, True])
 def test_a_report_whose_means_mix_versions_of_the_code_says_so_where_it_begins(tmp_path, mixes):
     def by_two_versions(work):

@@ -13,6 +13,7 @@ def table():
     return distances(range(3), IN_DISTRIBUTION, IN_MODELS)
 
 
+@pytest.mark.slow
 def test_panel_and_number_of_levels_explain_nine_tenths_of_log_w2(table):
     models = models_of(table).set_index("mode")
     assert (models["panel_and_log_n"] > 0.9).all()

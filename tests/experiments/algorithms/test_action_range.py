@@ -42,7 +42,9 @@ def returns(config, observation: str, frames: int) -> np.ndarray:
     return np.array([row["return"] for row in rows])
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
+@pytest.mark.parametrize(
+    "name", ["ppo", *(pytest.param(name, marks=pytest.mark.slow) for name in ALGORITHMS if name != "ppo")]
+)
 def test_the_best_action_at_the_end_of_the_range_is_found(name):
     config, observation, frames = ALGORITHMS[name]
     assert (returns(config, observation, frames) > 0.95 * HIGH * STEPS).all()

@@ -64,7 +64,10 @@ def act(policy, env, observation, rng=None):
     return policy.act(observation, rng=rng)
 
 
-@pytest.fixture(params=TINY)
+VARIANTS = ("ppo_procgen", "drq_2022", "curl_original", "spr_original")  # of others here, by settings alone
+
+
+@pytest.fixture(params=[pytest.param(name, marks=[pytest.mark.slow] * (name in VARIANTS)) for name in TINY])
 def config(request):
     return tiny(request.param)
 

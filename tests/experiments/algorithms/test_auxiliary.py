@@ -38,7 +38,9 @@ def learner(config, seed=0):
     return cls(config, cls.make_env(LEVELS, config.num_envs, seed=seed, observation="rgb"), 10_000, seed)
 
 
-@pytest.fixture(params=CONFIGS)
+@pytest.fixture(
+    params=["curl", "spr", *(pytest.param(f"{name}_original", marks=pytest.mark.slow) for name in ("curl", "spr"))]
+)
 def config(request):
     return CONFIGS[request.param]
 

@@ -76,7 +76,7 @@ def test_without_the_terms_the_loss_and_its_gradient_are_those_of_ppo():
         torch.testing.assert_close(a.grad, b.grad)
 
 
-@pytest.mark.parametrize("name", ["crop", "colour_jitter"])
+@pytest.mark.parametrize("name", ["crop", pytest.param("colour_jitter", marks=pytest.mark.slow)])
 def test_the_policy_changes_less_under_the_augmentation_than_ppos(name):
     """From the same weights, on the same rollouts of PPO."""
     few = {"num_envs": 16, "epochs": 4, "initial_std": 0.6, "gamma": 0.9, "head_width": 0, "reward_transform": "sqrt"}

@@ -349,6 +349,7 @@ def test_jobs_of_a_launcher_add_to_one_row(tmp_path, launcher):
     assert [piece.seed for piece in row.pieces] == [1, 2]
 
 
+@pytest.mark.slow
 def test_the_command_verifies_and_explains_itself():
     assert "suite=core" in run_module("experiments.benchmark", "--help").stdout
     done = run_module("experiments.benchmark", "verify=idle", f"suite={SUITE}")

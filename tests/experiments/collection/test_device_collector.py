@@ -71,8 +71,10 @@ def learner(kind, **options):
     [
         ("ppo", 1),
         ("recurrent", 2),
-        ("recurrent, apart", 2),
-        *(pytest.param(*one, marks=pytest.mark.slow) for one in (("recurrent", 1), ("ppo, stacks", 1), ("ppo", 2))),
+        *(
+            pytest.param(*one, marks=pytest.mark.slow)
+            for one in (("recurrent", 1), ("recurrent, apart", 2), ("ppo, stacks", 1), ("ppo", 2))
+        ),
     ],
 )
 def test_ppo_collects_and_learns_on_a_gpu_what_it_does_on_the_processor(kind, trials):

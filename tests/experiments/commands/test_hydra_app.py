@@ -94,6 +94,7 @@ def test_a_sweep_file_of_the_users_own_may_choose_an_algorithm_and_sweep_its_set
     assert sorted((one.kind, one.gamma) for one in found) == [("sac", 0.9), ("sac", 0.95)]
 
 
+@pytest.mark.slow
 def test_an_algorithm_of_a_package_is_trained_and_its_run_read_again(my_lab, tmp_path):
     small = [part for part in COMMAND if part.startswith("algorithm.")]
     done = in_folder(
@@ -110,7 +111,7 @@ def test_an_algorithm_of_a_package_is_trained_and_its_run_read_again(my_lab, tmp
     assert "_target_" not in config.identity()["algorithm"]
 
 
-@pytest.mark.parametrize("module", ["train", "search", "reproduce"])
+@pytest.mark.parametrize("module", ["train", pytest.param("search", marks=pytest.mark.slow), "reproduce"])
 def test_groups_of_a_package_are_found_by_every_command(my_lab, module):
     done = in_folder(
         f"experiments.{module}",

@@ -43,6 +43,7 @@ def test_a_run_from_another_working_directory_leaves_its_folder_and_nothing_else
     assert list(elsewhere.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_sweep_with_wrong_runs_finishes_the_others_and_names_all(tmp_path, elsewhere):
     done = run_module(
         "experiments.train",
@@ -66,9 +67,7 @@ def test_a_sweep_with_wrong_runs_finishes_the_others_and_names_all(tmp_path, els
     [
         ("train", ["--help"]),
         pytest.param("train", [*TINY, "tracking=none"], marks=pytest.mark.slow),
-        ("results", ["--help"]),
-        ("study", ["--help"]),
-        ("reproduce", ["--help"]),
+        *(pytest.param(name, ["--help"], marks=pytest.mark.slow) for name in ("results", "study", "reproduce")),
     ],
 )
 def test_a_command_that_nobody_reads_any_more_ends_quietly_as_a_shell_has_it(tmp_path, module, arguments):

@@ -58,7 +58,7 @@ CHOSEN = {
 }
 
 
-QUICK = ("endless", "uniform", "plr", "accel", "sfl")  # the others are variants of these
+QUICK = ("endless", "accel", "sfl")  # the others are variants of these
 
 
 @pytest.mark.parametrize(
@@ -108,6 +108,7 @@ def test_every_algorithm_trains_on_endless_levels_and_goes_on_to_the_bit(algorit
     assert same_results(tmp_path / "whole", tmp_path / "parts")
 
 
+@pytest.mark.slow
 def test_each_episode_of_endless_training_is_on_another_level(tmp_path):
     run(short_run(tmp_path, levels=ENDLESS, scale=ScaleConfig(frames=40 * FRAMES)), say=lambda _: None)
     played = read_played(tmp_path)

@@ -123,6 +123,7 @@ def test_a_score_above_1_is_told_with_the_levels_and_the_settings_of_a_larger_se
     assert found.summary["players"]["deterministic"]["above_best_known"] == 3
 
 
+@pytest.mark.slow
 def test_a_film_shows_the_episode_that_was_counted(trained):
     found = evaluate(EvaluateConfig(str(trained), n=3, scores=False, videos="gif", modes=("deterministic",)))
     for name, (level, _) in choose_levels(found.episodes).items():
@@ -157,6 +158,7 @@ def test_one_folder_holds_the_results_on_levels_that_are_spelled_in_several_ways
         assert len({label(EvaluateConfig("run", levels=name), levels) for name in names}) == 1
 
 
+@pytest.mark.slow
 def test_levels_that_the_agent_cannot_observe_are_refused_and_pixels_fit_all(trained, tmp_path):
     with pytest.raises(ConfigError, match=r"agent of run observes arrays of shape \(\d+,\); in these levels 'state'"):
         evaluate(EvaluateConfig(str(trained), levels="objectsx1-easy", **QUICK))
@@ -298,6 +300,7 @@ def test_the_table_of_runs_has_scores_and_regrets_of_evaluations_that_measured_b
     assert not any(name.startswith(("score", "regret")) for name in row.figures)
 
 
+@pytest.mark.slow
 def test_an_evaluation_of_an_unfinished_agent_is_not_that_of_the_finished_one(tmp_path, monkeypatch):
     config, small = short_run(tmp_path / "one"), {"videos": "none", "planner_samples": 8, "planner_iterations": 1}
     with killed_after(2, monkeypatch):

@@ -77,7 +77,9 @@ def finished(tmp_path):
     return config
 
 
-@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize(
+    "scale", ["standard", *(pytest.param(scale, marks=pytest.mark.slow) for scale in SCALES if scale != "standard")]
+)
 def test_critics_of_every_scale_find_nothing_where_nothing_is_and_all_where_all_is(scale):
     torch.set_num_threads(1)
     config = dataclasses.replace(construct(ProbeConfig, SCALES[scale], scale), replicates=2)
@@ -152,6 +154,7 @@ def test_the_fingerprint_of_probes_is_that_of_the_plug_ins_module(monkeypatch):
     assert probing.find_probes().load() is probe_run
 
 
+@pytest.mark.slow
 def test_a_run_that_is_trained_anew_loses_its_answers(tmp_path):
     config = short_run(tmp_path / "run")
     run(config, say=lambda line: None)
@@ -161,6 +164,7 @@ def test_a_run_that_is_trained_anew_loses_its_answers(tmp_path):
     assert not is_probed(config, ASKED)
 
 
+@pytest.mark.slow
 def test_mlflow_gets_the_figures_later_if_it_was_away_and_anew_if_they_change(tmp_path, monkeypatch):
     config = short_run(tmp_path / "run", tracking=TrackingConfig(), root=str(tmp_path))
     folder = run(config, say=lambda line: None).folder

@@ -89,6 +89,7 @@ def test_named_levels_are_played_in_their_own_task(levels):
     assert task_name(config) == task_name(config.resolved()) == (segar.family(levels).task or "puttputt")
 
 
+@pytest.mark.slow
 def test_an_own_distribution_is_trained_and_evaluated_in_the_task_that_it_names(lab):
     said = []
     config = short_run(lab / "run", levels=LevelsConfig("landing_levels:field", count=2, test_count=3))

@@ -103,7 +103,9 @@ def test_the_command_knows_every_file():
     assert all(name in help_text() for name in named)
 
 
-@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize(
+    "scale", ["standard", *(pytest.param(scale, marks=pytest.mark.slow) for scale in SCALES if scale != "standard")]
+)
 def test_all_files_are_right_at_every_scale(scale, tmp_path):
     pixels = ObservationConfig("rgb_stack2")  # as at all these scales: agents that see states fit few other levels
     config = ReproduceConfig(RunConfig(root=str(tmp_path), observation=pixels), grids=experiment_files())
@@ -127,6 +129,7 @@ def test_self_supervision_is_held_against_as_many_gradient_steps(scale):
     assert len(set(steps.values())) == 1
 
 
+@pytest.mark.slow
 def test_the_guide_says_how_many_runs_each_scale_has():
     guide = (CHECKOUT / "docs" / "how-to" / "reproduce-the-paper.md").read_text()
     register_settings("reproduce", SETTINGS)

@@ -122,6 +122,7 @@ def test_what_cannot_be_run_is_told(tmp_path):
         reproduce(asked(tmp_path, scale=ScaleConfig(name="huge")), pretend, finish_nothing)
 
 
+@pytest.mark.slow
 def test_a_failing_run_stops_no_other_and_is_named_with_its_log(tmp_path, capfd):
     with pytest.raises(TrainingError) as told:
         reproduce(asked(tmp_path), train_but_for_one, finish_nothing)
@@ -256,6 +257,7 @@ def test_a_scale_chooses_the_protocol_and_the_command_line_has_the_last_word(
     assert planned[0].seed == planned[0].levels.seed == 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_process")
 def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
     asked = ("scale=smoke", "experiments=[fixed_n]", "dry_run=true")

@@ -87,6 +87,7 @@ def test_the_example_of_the_help_fits_the_schema_and_so_do_all_experiments():
         jsonschema.validate(data, schema())
 
 
+@pytest.mark.slow
 def test_the_schema_is_one_and_the_command_prints_it():
     jsonschema.Draft202012Validator.check_schema(schema())
     assert json.loads(run_module("experiments.study", "--schema").stdout) == schema()

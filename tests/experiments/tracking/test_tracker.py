@@ -75,6 +75,7 @@ def rows(*values):
     ]
 
 
+@pytest.mark.slow
 def test_first_starts_side_by_side_share_one_store(store):
     _, found = runs(store)
     assert sorted(run.data.tags["seed"] for run in found) == ["0", "1"]
@@ -124,6 +125,7 @@ def test_a_run_that_is_trained_again_replaces_the_earlier_one(tmp_path, monkeypa
     assert [run.data.tags["config_hash"] for run in deleted] == [one.data.tags["config_hash"]]
 
 
+@pytest.mark.slow
 def test_a_run_of_another_store_is_not_deleted_when_it_is_trained_again(tmp_path, monkeypatch):
     config = short_run(tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig())
     run(config)

@@ -125,6 +125,7 @@ def test_a_run_in_another_thread_trains_without_watching_signals(tmp_path):
     assert results[0].trained
 
 
+@pytest.mark.slow
 def test_the_command_says_why_it_stopped_and_ends_as_the_shell_has_it(tmp_path):
     command = [sys.executable, "-m", "experiments.train", *COMMAND, "tracking=none", f"folder={tmp_path / 'run'}"]
     command += ["scale.frames=100_000_000"]
@@ -246,6 +247,7 @@ def test_where_both_checkpoints_are_damaged_nothing_is_guessed(tmp_path, monkeyp
     assert (folder / CHECKPOINT).exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_stops_in_its_evaluation_is_evaluated_when_it_goes_on(tmp_path, monkeypatch):
     with monkeypatch.context() as patch, pytest.raises(Stopped):
         patch.setattr("experiments.training.run.evaluate_run", lambda *_: os.kill(os.getpid(), signal.SIGTERM))

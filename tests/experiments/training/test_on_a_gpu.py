@@ -104,6 +104,7 @@ def same(a: RunConfig, b: RunConfig) -> bool:
     return ours.keys() == theirs.keys() and all(torch.equal(ours[name], theirs[name]) for name in ours)
 
 
+@pytest.mark.slow
 def test_weights_are_those_of_environments_on_the_processor_also_after_an_interruption(stub, tmp_path, monkeypatch):
     host, device, resumed = (
         config(tmp_path / "a", "cpu"),

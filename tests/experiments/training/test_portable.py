@@ -55,6 +55,7 @@ def test_without_it_the_limits_change_the_weights_of_each_algorithm():
 CHOOSE = "from experiments.commands.kernels import choose_kernels; choose_kernels('{}')"
 
 
+@pytest.mark.slow
 def test_where_torch_has_its_kernels_already_portable_is_refused_with_what_to_do():
     done = python("-c", f"import torch; {CHOOSE.format('portable')}")
     variables = " ".join(f"{name}={value}" for name, value in PORTABLE.items())
@@ -62,6 +63,7 @@ def test_where_torch_has_its_kernels_already_portable_is_refused_with_what_to_do
     assert "determinism: torch was imported before" in done.stderr
 
 
+@pytest.mark.slow
 def test_where_the_variables_were_set_before_portable_is_possible_and_so_is_what_follows():
     done = python("-c", f"import torch; {CHOOSE.format('portable')}; {CHOOSE.format('machine')}", limits=PORTABLE)
     assert done.returncode == 0, done.stderr
@@ -72,6 +74,7 @@ def test_a_run_that_wants_the_kernels_of_the_machine_is_refused_after_a_portable
     assert "Start the run with machine in a process of its own" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_portable_run_can_follow_another():
     done = python("-c", f"{CHOOSE.format('portable')}; import torch; {CHOOSE.format('portable')}")
     assert done.returncode == 0, done.stderr

@@ -65,6 +65,7 @@ def test_a_run_tells_and_writes_each_trial_and_the_gain(tmp_path):
     assert done.summary["players"]["no-op"]["adaptation_gain_return"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_between_trials_ends_with_the_same_bits(tmp_path, monkeypatch):
     changes = {"algorithm": RECURRENT, "observation": PAST, "trials": 3}
     run(short_run(tmp_path / "whole", **changes), lambda line: None)

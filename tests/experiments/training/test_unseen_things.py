@@ -60,6 +60,7 @@ def test_nothing_is_said_where_nothing_differs_or_all_is_chosen_and_of_named_fam
     assert found(levels, options, name)[0] == {}
 
 
+@pytest.mark.slow
 def test_a_run_says_it_once_and_has_the_results_that_it_has_without_the_look(tmp_path, monkeypatch):
     said, levels = [], LevelsConfig(f"{HERE}:turning", count=2, test_count=2)
     run(short_run(tmp_path / "a", levels=levels), said.append)

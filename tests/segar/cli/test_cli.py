@@ -52,6 +52,7 @@ def test_the_source_that_is_shown_is_the_one_that_runs(capsys, tmp_path, monkeyp
     compile(text, "shown", "exec")
 
 
+@pytest.mark.slow
 def test_what_was_compiled_is_there_already_the_next_time(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path))
     arguments = ["compile", "empty-easy", "empty-hard", "--task", "puttputt"]

@@ -99,10 +99,12 @@ def test_the_page_is_that_of_the_library(capsys, tmp_path):
     assert page.read_text() == expected.html
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_a_page_in_a_frame():
     assert make_playground(segar.family("empty-easy").sample(2))._repr_html_().startswith("<iframe title=")
 
 
+@pytest.mark.slow
 def test_a_run_folder_gives_its_newest_network_and_what_it_observes(capsys, run):
     said = shown(capsys, "empty-easy", "-n", 3, "--policy", run, "-o", "page.html")
     newest = run / "evaluations" / "train-n5-portable" / "network.npz"

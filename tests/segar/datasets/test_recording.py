@@ -270,6 +270,7 @@ def test_a_recording_says_which_trial_each_episode_was(levels):
     assert check_replay(tried, observation=observation) == tried.total_steps
 
 
+@pytest.mark.slow
 def test_a_trial_is_played_again_by_itself_after_as_many_resets(trembling):
     dataset = record("tried-v0", trembling, observation="state", **TRIED)
     for episode, options in zip(dataset, options_in(dataset), strict=True):

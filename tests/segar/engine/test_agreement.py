@@ -60,6 +60,7 @@ def test_kernel_and_interpreter_agree_over_six_steps_from_the_start(sampled, nam
         simulator.act(state, levels, actions, StepResult.empty(5))
 
 
+@pytest.mark.slow
 def test_compiled_random_rules_agree_on_mixed_and_optional_slots(mixed):
     simulator, levels = mixed
     rng = np.random.default_rng(4)

@@ -28,7 +28,7 @@ def depths(state: State, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
     return np.where(pairs, -gaps, -np.inf).max(axis=(1, 2)), np.where(body, into_walls, -np.inf).max(axis=1)
 
 
-@pytest.mark.parametrize("name", ["objectsx3-hard", "tilesx3-hard"])
+@pytest.mark.parametrize("name", ["objectsx3-hard", pytest.param("tilesx3-hard", marks=pytest.mark.slow)])
 def test_bodies_neither_overlap_nor_leave_the_arena_in_random_play(sampled, name):
     simulator, levels = sampled(name)
     state, rng = start(levels, 6), np.random.default_rng(0)

@@ -41,7 +41,7 @@ def crowd(count: int, rng: np.random.Generator, size: float = 0.2, speed: float 
     return Levels.from_entities(made)
 
 
-@pytest.mark.parametrize("speed", [0.0, 1.0, 30.0])
+@pytest.mark.parametrize("speed", [1.0, *(pytest.param(speed, marks=pytest.mark.slow) for speed in (0.0, 30.0))])
 def test_kernel_and_interpreter_agree_on_crowds(speed):
     levels = crowd(BODIES, np.random.default_rng(1), speed=speed)
     simulator = uncompiled(World(), levels.layout)
@@ -143,6 +143,7 @@ def test_fixed_bodies_that_overlap_stay_and_cost_nothing():
     assert state.contacts[0] == 0 and state.unresolved_contacts[0] == 0
 
 
+@pytest.mark.slow
 def test_a_crowd_neither_overlaps_nor_leaves_the_arena():
     dist = segar.LevelDistribution(
         numbers=[(GolfBall, 1), (GoalTile, 1), (Ball, 30)],

@@ -60,6 +60,7 @@ def test_a_rule_that_was_made_without_a_module_is_named_too():
         env.step(STILL)
 
 
+@pytest.mark.slow
 def test_a_step_that_went_wrong_is_told_again_until_the_environment_starts_anew():
     env = environments(levels_of(1.0, 0.0, rules=[divide]))
     for _ in range(2):

@@ -96,13 +96,8 @@ OBSERVATIONS = {
     "name",
     [
         "state",
-        "rgb",
-        "stack",
         "several",
-        *(
-            pytest.param(name, marks=pytest.mark.slow)
-            for name in ("table", "grey", "textures", "textures_stack4", "stack of a stack")
-        ),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in OBSERVATIONS if name not in ("state", "several")),
     ],
 )
 def test_episodes_are_those_of_the_processor(stub, levels, name):
@@ -117,6 +112,7 @@ def test_episodes_are_those_of_the_processor(stub, levels, name):
         assert len(device.single_observation_space.shape or ()) < 3 or {"draw_rows", "paint_rows"} < launched
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
 def test_trials_are_those_of_the_processor(stub, levels, mode):
     options: dict[str, Any] = {"seed": 3, "max_steps": 4, "trials": 3, "autoreset_mode": mode}

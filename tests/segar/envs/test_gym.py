@@ -35,6 +35,7 @@ def test_the_environment_checker_passes(id_: str) -> None:
         check_env(env.unwrapped)
 
 
+@pytest.mark.slow
 def test_linear_ids_reward_minus_the_distance_and_the_others_its_square() -> None:
     rewards = []
     for suffix in ("", "-linear"):

@@ -92,7 +92,9 @@ def assert_same(a: Any, b: Any) -> None:
 
 
 @WAYS
-@pytest.mark.parametrize("task", ["puttputt", "billiards", "invisiball"])
+@pytest.mark.parametrize(
+    "task", ["billiards", *(pytest.param(name, marks=pytest.mark.slow) for name in ("puttputt", "invisiball"))]
+)
 def test_an_environment_in_the_midst_of_its_episodes_goes_on_to_the_bit(way, task):
     levels = segar.family(task).sample(5, seed=0)
     env = VectorEnv(levels, 4, max_steps=9)
@@ -150,7 +152,7 @@ def test_a_copy_of_an_environment_goes_its_own_way():
     assert_same(trail(other), expected)
 
 
-@pytest.mark.parametrize("context", ["fork", "spawn"])
+@pytest.mark.parametrize("context", [pytest.param("fork", marks=pytest.mark.slow), "spawn"])
 def test_environments_run_in_processes_of_their_own(context):
     id_ = "Segar-objectsx1-hard-state-linear-v0"
     apart = gymnasium.make_vec(

@@ -29,6 +29,7 @@ class Drifter(segar.language.Thing):
     id: segar.language.ID = "drifter"
 
 
+@pytest.mark.slow
 def test_a_thing_that_nothing_can_touch_is_exogenous_and_a_ball_in_the_way_is_endogenous():
     golfball, goal = GolfBall({Position: [-0.5, 0.5]}), GoalTile({Position: [0.9, 0.9]})
     drifter = Drifter({Position: [0.0, -0.5]})

@@ -29,6 +29,7 @@ def masses(*kilograms: float) -> Levels:
     return Levels.from_entities(entities, world=World(rules=[segar.move]))
 
 
+@pytest.mark.slow
 def test_the_response_of_a_free_ball_is_as_one_over_its_mass():
     levels = masses(20.0, 40.0, 80.0)
     d = dynamics_distances(levels, levels, rng=np.random.default_rng(0), horizon=10)

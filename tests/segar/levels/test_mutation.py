@@ -52,6 +52,7 @@ def test_mutated_levels_can_be_drawn_and_differ(name):
     assert mutated.provenance.distribution == "" and mutated.distribution is dist
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32), generations=st.integers(1, 5), changes=st.integers(1, 3))
 def test_generations_of_mutations_stay_levels_of_the_distribution(seed, generations, changes):

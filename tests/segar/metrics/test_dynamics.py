@@ -94,6 +94,7 @@ def test_a_constant_force_doubled_adds_its_own_path_however_bodies_start():
     assert dynamics_distance(pull, double, there).value == pytest.approx(dynamics_distance(still, pull, there).value)
 
 
+@pytest.mark.slow
 def test_a_mirrored_force_is_twice_as_far_as_no_force():
     still, pull, mirrored = worlds("", "pull", "mirrored")
     there = situations(small(8), plays=1, factors=[Position, Velocity])
@@ -117,6 +118,7 @@ def test_viscous_drag_takes_a_power_of_the_velocity():
             assert estimate.value == pytest.approx(size * abs((1 - c * DT) ** n - (1 - d * DT) ** n))
 
 
+@pytest.mark.slow
 def test_the_error_says_how_far_an_estimate_is_from_its_expectation():
     """With Gaussian velocities of known spread, the drag's expected distance is known; about 95 % of estimates are within two
     standard errors of it."""

@@ -128,6 +128,7 @@ def test_the_joint_of_distributions_is_the_largest_difference_of_products_of_dis
     assert ks(a, b) == pytest.approx(ks(b, a), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_many_levels_are_near_their_distribution_in_every_family():
     for name in (*segar.families(), "puttputt", "billiards", "invisiball"):
         distribution = segar.family(name)

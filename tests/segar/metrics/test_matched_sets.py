@@ -14,6 +14,7 @@ def measured(levels, test):
     return np.array([w2(levels, test), coverage(levels, test).radius, effective_number(levels)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("family", "wanted"),
     [

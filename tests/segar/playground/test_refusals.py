@@ -47,6 +47,7 @@ def test_observations_without_a_compiled_form_are_named() -> None:
     refused(r"BoundOneOf has no compiled form for other targets.*calls\(when\)", observations=[OneOf(["rgb"])])
 
 
+@pytest.mark.slow
 def test_functions_that_browsers_lack_are_named() -> None:
     refused("lgamma", observations=[Foreign()])
 
@@ -72,6 +73,7 @@ def test_a_policy_for_other_observations_is_refused_with_both() -> None:
             policy=perceptron("state"))  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_policy_for_other_actions_is_refused_with_both() -> None:
     policy = replace(convolutional("rgb"), action_low=(-3.0, -3.0))
     refused(r"acts from \[-3.0, -3.0\] to .* and the task .*takes actions from", policy=policy)

@@ -328,6 +328,7 @@ def player(inputs: int) -> Network:
     return one.network((inputs,), 8, action_low=tuple(task.action_low), action_high=tuple(task.action_high))
 
 
+@pytest.mark.slow
 def test_policies_of_runs_are_listed_and_play_and_none_from_elsewhere(tmp_path: Path) -> None:
     env = segar.envs.VectorEnv(TRAIN, 1, observation="state", seed=0)
     assert env.single_observation_space.shape is not None

@@ -12,7 +12,7 @@ from tests.segar.engine.targets.machines import MACHINES
 from tests.segar.policies.networks import KEYS, NETWORKS, actions, observations
 
 
-@pytest.mark.parametrize("target", sorted(MACHINES))
+@pytest.mark.parametrize("target", ["wasm", pytest.param("native", marks=pytest.mark.slow)])
 def test_networks_act_to_the_bit(target):
     for name, make in NETWORKS.items():
         network = make()

@@ -38,7 +38,7 @@ def rule_space() -> Made:
     return Made(distribution, *make_questions(distribution, NUMBER, seed=3))
 
 
-@pytest.fixture(params=WORLDS)
+@pytest.fixture(params=[WORLDS[0], pytest.param(WORLDS[1], marks=pytest.mark.slow)])
 def made(request) -> Made:
     """Each of the sets."""
     return request.getfixturevalue(request.param.replace(" ", "_"))

@@ -151,6 +151,7 @@ def test_a_missing_file_and_an_unknown_name_are_told(own, tmp_path):
         suites.suite("place-fw-v1")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_source")
 def test_levels_that_the_planner_does_not_solve_are_left_out(tmp_path):
     far = {**OWN, "options": {"max_steps": 20}, "test_levels": 12, "iterations": 1, "samples": 8}

@@ -1,6 +1,7 @@
 """Invisiball: PuttPutt whose ball is not seen once it has been pushed, though it rolls on."""
 
 import numpy as np
+import pytest
 
 import segar
 from segar.envs import Env, VectorEnv
@@ -32,6 +33,7 @@ def test_the_ball_is_invisible_from_the_first_action_on():
         assert (visible[:, BALL] == 0).all() and np.nanmin(np.delete(visible, BALL, axis=1)) == 1
 
 
+@pytest.mark.slow
 def test_physics_and_reward_are_those_of_puttputt():
     ours = VectorEnv(LEVELS, 16, seed=0, autoreset_mode="Disabled")
     theirs = VectorEnv(LEVELS, 16, seed=0, autoreset_mode="Disabled", task=segar.puttputt())

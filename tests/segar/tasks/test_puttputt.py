@@ -31,6 +31,7 @@ def test_the_scripted_player_pushes_straight_at_the_goal_and_within_the_range_of
     assert cosine.min() > 1 - 1e-6
 
 
+@pytest.mark.slow
 def test_a_weaker_push_is_used_more_of_by_the_scripted_player():
     env = VectorEnv(EMPTY, 50, task=segar.puttputt(impulse=0.5), seed=0)
     assert episodes(env, by_script(env))["success"].mean() > 0.9
@@ -90,6 +91,7 @@ def test_a_result_is_computed_only_when_it_is_asked_for():
         info["results"]["count"]
 
 
+@pytest.mark.slow
 def test_with_a_goal_speed_a_fast_ball_rolls_over_the_goal():
     env = VectorEnv(EMPTY, 2, task=segar.puttputt(goal_speed=0.1, sub_steps=1), seed=0, autoreset_mode="Disabled")
     x = env.reset(options={"levels": np.zeros(2, int)})[1]["factors"]["Position"][0, GOAL]

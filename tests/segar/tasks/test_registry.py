@@ -80,7 +80,10 @@ def test_a_distribution_takes_a_name_not_a_task():
 
 
 @pytest.mark.parametrize("observation", ["state", "rgb"])
-@pytest.mark.parametrize("name", ["billiards", "invisiball", "puttputt-random-middle"])
+@pytest.mark.parametrize(
+    "name",
+    ["billiards", *(pytest.param(name, marks=pytest.mark.slow) for name in ("invisiball", "puttputt-random-middle"))],
+)
 def test_an_environment_does_the_same_in_a_batch_of_1_64_and_1024(name: str, observation: str) -> None:
     levels = segar.family(name).sample(20, seed=0)
     trails = [_trail(VectorEnv(levels, n, observation=observation)) for n in (1, 64, 1024)]

@@ -100,6 +100,7 @@ def pair_of(levels: Levels, world: World | None = None) -> Pair:
     return Pair(Simulator(world or levels.world or World(), levels.layout, task_of(levels)), levels, state)
 
 
+@pytest.mark.slow
 def test_ptx_gives_the_bits_of_the_native_kernel():
     pair = pair_of(family("objectsx3-hard").sample(LEVELS, seed=0))
     assert_equal_bits(pair, np.random.default_rng(2))

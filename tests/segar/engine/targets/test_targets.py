@@ -104,6 +104,7 @@ def test_what_observations_show_of_the_past_agrees(target, name):
     play(environment("objectsx3-hard", PAST[name]), target, 30, np.random.default_rng(2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", sorted(MACHINES))
 def test_trials_agree(target):
     env = environment("objectsx3-hard", "state", trials=3)
@@ -139,6 +140,7 @@ def double_if_charged(m: Mass, q: Charge) -> SetFactor[Mass]:
     return SetFactor[Mass](m, m * 2) if q else None
 
 
+@pytest.mark.slow
 def test_rules_that_contradict_each_other_are_told_as_natively():
     goal = GoalTile({Position: (0.8, 0.8)})
     calm = [GolfBall({Charge: 0.0}), goal, Ball({Position: (-0.5, 0.0)})]
@@ -224,6 +226,7 @@ def test_unknown_targets_and_observations_are_refused():
         build_environment(composed, "wasm")
 
 
+@pytest.mark.slow
 def test_what_numba_makes_is_kept_and_damage_is_mended(tmp_path, monkeypatch):
     monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path))
     call = call_of("doubled", doubled, [np.arange(5.0), Rows(), Scratch(float, 5), Given("float64", ("rows",))], {})
@@ -237,6 +240,7 @@ def test_what_numba_makes_is_kept_and_damage_is_mended(tmp_path, monkeypatch):
     assert build_kernel([call.entry], "wasm").code == made
 
 
+@pytest.mark.slow
 def test_too_little_stack_ends_in_a_trap():
     import wasmtime
 
