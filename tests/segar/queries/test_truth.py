@@ -74,6 +74,7 @@ def test_an_environment_in_which_one_intervenes_agrees_about_what_would_be(made)
     assert count > 5
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_source")
 def test_a_rule_that_is_switched_off_is_a_rule_that_is_not_there(rule_space):
     space, count = rule_space.distribution.rule_space, 0
