@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import ot
 import pandas as pd
+from scipy.spatial.distance import cdist
 
 from analysis.tables import write_csv
 from experiments.commands.command_line import run_from_command_line
@@ -23,6 +23,7 @@ from segar.errors import LevelError
 from segar.language import GoalTile, GolfBall, Position
 from segar.levels import DIFFICULTIES, Levels, family
 from segar.metrics import decompose, w2_debiased
+from segar.support import emd
 
 FAMILIES = ("empty", "objectsx1", "tilesx1", "hazardtilesx1")
 COUNTS = (1, 10, 50, 100, 200)
@@ -104,7 +105,7 @@ def position_w2(train: Levels, test: Levels) -> float:
     width = others.std(axis=0)
     scale = np.sqrt((width**2).reshape(-1, 2).mean(axis=1)).repeat(2)  # one unit for both components
     scale[scale < 1e-9] = np.inf  # what does not vary has no weight
-    return float(np.sqrt(ot.emd2([], [], ot.dist(own / scale, others / scale, metric="sqeuclidean"))))
+    return float(np.sqrt(emd(cdist(own / scale, others / scale, "sqeuclidean"))))
 
 
 def places(levels: Levels) -> np.ndarray:

@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import SegarError
 from segar.evaluation.episodes import play_episodes
 from segar.evaluation.players import Idle
 from segar.hardness import Plan, make_starts, plan, random_episodes
 from segar.language import Task
-from segar.levels import Levels
+from segar.levels import Levels, checks
 
 RANDOM_PLAYS = 20  # random episodes per level
 SAMPLES, ITERATIONS = 64, 5  # of the search, per level
@@ -79,8 +78,7 @@ def find_baselines(
     Raises:
         SegarError: plays, samples or iterations are too few, or the levels do not fit the task.
     """
-    if plays < 1:
-        raise SegarError(f"baselines need at least 1 random play per level, not {plays}")
+    checks.require_count("baselines", "random play per level", plays, 1)
     _, returns = random_episodes(make_starts(levels, task, seed, num_threads), plays, rng)
     idle = play_episodes(levels, np.arange(len(levels)), Idle(), seed=seed, task=task, num_threads=num_threads)
     best = plan(levels, task, rng=rng, samples=samples, iterations=iterations, seed=seed, num_threads=num_threads)

@@ -8,7 +8,7 @@ from segar.errors import SegarError
 from segar.hardness.rollouts import Starts, make_starts, play_forks, scripted, trace, uniform_actions
 from segar.language import Layout, Task
 from segar.levels import Levels, checks
-from segar.support import end_of_part
+from segar.support import end_of_part, is_whole
 
 TRACES = 2048  # that are held at a time; bounds the memory
 
@@ -95,7 +95,8 @@ def influence(
     """
     checks.require_generator("influence", rng)
     starts = make_starts(levels, task, seed)
-    if not 1 <= horizon <= starts.task.max_steps or plays < 1 or not 0 < nudge <= 1:
+    whole = is_whole(horizon) and is_whole(plays)
+    if not whole or not 1 <= horizon <= starts.task.max_steps or plays < 1 or not 0 < nudge <= 1:
         raise SegarError(
             f"influence needs a horizon of 1 to {starts.task.max_steps} steps, at least 1 play and a nudge of more than 0"
             f" and at most 1; not {horizon}, {plays} and {nudge}"

@@ -132,10 +132,8 @@ def plan(
 
 def require_search(samples: int, iterations: int) -> None:
     """Raise :class:`SegarError` unless the search is large enough to be one."""
-    if samples < 8 or iterations < 1:
-        raise SegarError(
-            f"the search needs at least 8 samples and 1 iteration, not {samples} samples and {iterations} iterations"
-        )
+    checks.require_count("the search", "samples", samples, 8)
+    checks.require_count("the search", "iterations", iterations, 1)
 
 
 def search(starts: Starts, rng: np.random.Generator, samples: int, iterations: int) -> Plan:

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import SegarError
 from segar.hardness.planner import BATCH, Plan, require_search, scripted_episodes, search
 from segar.hardness.rollouts import Episodes, Starts, make_starts, play_forks, uniform_actions
 from segar.language import Task
@@ -106,8 +105,7 @@ def hardness(
         SegarError: plays, samples or iterations are too few, or the levels do not fit the task.
     """
     checks.require_generator("hardness", rng)
-    if plays < 1:
-        raise SegarError(f"hardness needs at least 1 random play per level, not {plays}")
+    checks.require_count("hardness", "random play per level", plays, 1)
     require_search(samples, iterations)
     starts = make_starts(levels, task, seed, num_threads)
     solved, returns = random_episodes(starts, plays, rng)

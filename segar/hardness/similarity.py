@@ -48,8 +48,8 @@ def dynamics_distances(
     for factor in factors:
         first = a.layout.columns[a.layout.factor(factor.__name__)]
         columns += range(first, first + factor.width)
-    if sequences < 1 or horizon < 1:
-        raise SegarError(f"dynamics_distances needs at least 1 sequence and 1 step, not {sequences} and {horizon}")
+    checks.require_count("dynamics_distances", "sequences", sequences, 1)
+    checks.require_count("dynamics_distances", "steps as horizon", horizon, 1)
     starts = make_starts(a, task, seed), make_starts(b, task, seed)
     actions = uniform_actions(starts[0].task, sequences, horizon, rng)
     square = np.zeros((len(a), len(b)))

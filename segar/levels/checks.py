@@ -9,6 +9,7 @@ from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Factor
 from segar.levels.distribution import LevelDistribution
 from segar.levels.level_set import Levels
+from segar.support import is_whole
 
 
 def require_levels(what: str, *sets: object) -> None:
@@ -32,6 +33,15 @@ def require_generator(what: str, rng: object) -> None:
     """Raise :class:`SegarError` in the name of the function ``what`` unless it is a random generator of numpy."""
     if not isinstance(rng, np.random.Generator):
         raise SegarError(f"{what}: rng must be a generator such as np.random.default_rng(0), not {rng!r}")
+
+
+def require_count(what: str, name: str, value: object, least: int) -> None:
+    """Raise :class:`LevelError` in the name of the function ``what`` unless it is given a whole number of ``name``, at least
+    ``least``."""
+    if not is_whole(value) or value < least:
+        raise LevelError(
+            f"{what} needs at least {least} {name}, not {value!r}{'' if is_whole(value) else ': a whole number'}"
+        )
 
 
 def require_factors(what: str, factors: Any, *sets: Any) -> None:

@@ -18,7 +18,7 @@ from segar.language import Acceleration, Density, Drag, Entity, Factor, Order
 from segar.levels import Levels, checks, entity_types
 from segar.metrics.points import Spread, Units, shorter_way
 from segar.metrics.wasserstein import resampled
-from segar.support import Estimate, aligned, emd, is_whole
+from segar.support import Estimate, aligned, emd
 
 UNCOUNTED: tuple[type[Factor], ...] = (Order, Acceleration, Drag, Density)
 """Factors that do not count in what becomes of a state: the order of drawing, and quantities that follow from others."""
@@ -150,7 +150,8 @@ class DynamicsW2:
 
     Attributes:
         value: in standard deviations of the states. error: its standard error over situations, by the jackknife.
-        low, high: ``value`` -/+ 1.96 standard errors over bootstrap resamples of both sets of levels, cut off at 0.
+        low, high: ``value`` -/+ 1.96 standard errors over bootstrap resamples of both sets of levels, cut off at 0; NaN where
+            a set has one level, or all resamples are as far apart.
         floor: mean distance of two sets of the same sizes dealt at random from the rule sets of both.
         p_value: share of such deals (the given one counted in) that are at least as far apart as ``value``.
         resamples: of either kind. rule_sets: how many distinct ones each set has.
@@ -244,8 +245,7 @@ def dynamics_w2(
     """
     _require("dynamics_w2", a, b, situations)
     checks.require_generator("dynamics_w2", rng)
-    if not is_whole(resamples) or resamples < 2:
-        raise LevelError(f"dynamics_w2 needs at least 2 resamples, not {resamples!r}")
+    checks.require_count("dynamics_w2", "resamples", resamples, 2)
     x, y = situations.outcomes(a), situations.outcomes(b)
     both, n = _joined(x, y), len(a)
     blocks = _squares(both, both, BLOCKS)[:, both.of_level][..., both.of_level]

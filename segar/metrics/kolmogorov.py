@@ -130,10 +130,9 @@ def ks_report(
         LevelError: as :func:`ks`; or both are distributions, whose distance has no error to report.
     """
     checks.require_generator("ks_report", rng)
-    if resamples < 19 or not 0 < confidence < 1:
-        raise LevelError(
-            f"ks_report needs at least 19 resamples, not {resamples}, and a confidence between 0 and 1, not {confidence}"
-        )
+    checks.require_count("ks_report", "resamples", resamples, 19)
+    if not 0 < confidence < 1:
+        raise LevelError(f"ks_report needs a confidence between 0 and 1, not {confidence}")
     if not isinstance(a, Levels):
         a, b = b, a
     if not isinstance(a, Levels):

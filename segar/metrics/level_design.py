@@ -96,7 +96,7 @@ def pool_size(n: int, pool: int | None) -> int:
     if not is_whole(n) or n < 1:
         raise LevelError(f"design: the number of levels must be a whole number above 0, not {n!r}")
     size = max(POOL_PER_LEVEL * n, SMALLEST_POOL) if pool is None else pool
-    if size < n:
+    if not is_whole(size) or size < n:
         raise LevelError(f"design: {n} levels cannot be picked from a pool of {size}")
     return size
 

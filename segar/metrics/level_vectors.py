@@ -157,8 +157,7 @@ def mmd_test(
     h = median_distance(distances) if bandwidth is None else bandwidth
     if not 0 < h < np.inf:
         raise LevelError(f"mmd_test: the bandwidth must be a positive number, not {bandwidth!r}")
-    if resamples < LEAST_RESAMPLES:
-        raise LevelError(f"mmd_test needs at least {LEAST_RESAMPLES} resamples, not {resamples}")
+    checks.require_count("mmd_test", "resamples", resamples, LEAST_RESAMPLES)
     kernel = np.exp(-0.5 * (distances / h) ** 2)
     # The statistic is the root of s' K s, with s = 1/n on the levels of a and -1/m on those of b.
     n, total = len(a), len(kernel)

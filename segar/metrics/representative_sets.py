@@ -54,6 +54,7 @@ def coverage(
             raise LevelError("coverage of a distribution draws levels from it: coverage(levels, distribution, rng=...)")
         checks.require_distribution("coverage", of)
         checks.require_generator("coverage", rng)
+        checks.require_count("coverage", "levels as sample", sample, 1)
         of = of.sample(sample, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
     units = Units.checked("coverage", (levels, of), scale, factors)
     costs = exact_costs(of, levels, entity_types(of, levels), units, mismatch)

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.errors import LevelError
 from segar.language import Factor
 from segar.levels import Levels, checks
 from segar.metrics.level_vectors import embed, frames
 from segar.metrics.points import Spread
+from segar.metrics.transport import quantile_steps
 from segar.metrics.unseen import warn_of_unseen
 from segar.metrics.wasserstein import MISMATCH
-from segar.support import pot
 
 
 @dataclass(frozen=True)
@@ -61,15 +60,16 @@ def w2_sliced(
     """
     checks.require_levels("w2_sliced", a, b)
     checks.require_generator("w2_sliced", rng)
-    if projections < 2:
-        raise LevelError(f"w2_sliced needs at least 2 projections, not {projections}")
+    checks.require_count("w2_sliced", "projections", projections, 2)
     x, y = embed(a, b, scale=scale, mismatch=mismatch, factors=factors)
     unseen = warn_of_unseen("w2_sliced", a, b, "exact", factors, scale)
     dimension = x.shape[1]
     if dimension == 0:
         return SlicedW2(0.0, 0.0, 0, unseen)
     directions = frames(dimension, projections, rng)
-    squares = dimension * np.asarray(pot().wasserstein_1d(x @ directions, y @ directions, p=2))
+    rows, columns, widths = quantile_steps(len(x), len(y))
+    apart = np.sort(x @ directions, axis=0)[rows] - np.sort(y @ directions, axis=0)[columns]
+    squares = dimension * (widths @ apart**2)
     value = float(np.sqrt(squares.mean()))
     error = float(squares.std(ddof=1) / np.sqrt(len(squares))) if len(squares) > 1 else 0.0
     return SlicedW2(value, error / (2 * value) if value > 0 else 0.0, len(squares), unseen)

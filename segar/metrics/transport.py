@@ -59,14 +59,19 @@ def sliced_costs(a: PointSets, b: PointSets, projections: np.ndarray, absent: fl
     """
 
     def cost(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        k, m = x.shape[1], y.shape[1]
-        steps = np.union1d(np.arange(0, k * m + 1, m), np.arange(0, k * m + 1, k))  # in units of 1 / (k m)
-        weights = np.sqrt(np.diff(steps) / (k * m) / projections.shape[1])[:, None]
-        sorted_x = np.sort(x @ projections, axis=1)[:, steps[:-1] // m] * weights
-        sorted_y = np.sort(y @ projections, axis=1)[:, steps[:-1] // k] * weights
+        rows, columns, widths = quantile_steps(x.shape[1], y.shape[1])
+        weights = np.sqrt(widths / projections.shape[1])[:, None]
+        sorted_x = np.sort(x @ projections, axis=1)[:, rows] * weights
+        sorted_y = np.sort(y @ projections, axis=1)[:, columns] * weights
         return scipy.spatial.distance.cdist(sorted_x.reshape(len(x), -1), sorted_y.reshape(len(y), -1), "sqeuclidean")
 
     return _pair_costs(a, b, cost, absent)
+
+
+def quantile_steps(k: int, m: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Between which of ``k`` and of ``m`` ascending points the optimal plan on the line moves mass, int64, and how much."""
+    steps = np.union1d(np.arange(0, k * m + 1, m), np.arange(0, k * m + 1, k))  # in units of 1 / (k m)
+    return steps[:-1] // m, steps[:-1] // k, np.diff(steps) / (k * m)
 
 
 def _pair_costs(

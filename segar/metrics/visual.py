@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from segar.errors import SegarError, did_you_mean
+from segar.levels import checks
 from segar.metrics.level_vectors import median_distance
 from segar.noise import GaussianNoise
 from segar.support import emd
@@ -143,8 +144,8 @@ def visual_distance(
         SegarError: there are no such textures or embedding, no distribution for an input, or too few samples.
     """
     a, b = _textures(a), _textures(b)
-    if samples < 10 or resamples < 10:
-        raise SegarError(f"visual_distance needs 10 samples and 10 resamples or more, not {samples} and {resamples}")
+    checks.require_count("visual_distance", "samples", samples, 10)
+    checks.require_count("visual_distance", "resamples", resamples, 10)
     embed = _embedding(embedding)
     names = tuple(dict.fromkeys((*a.inputs, *b.inputs)))
     size = max(a.period, b.period, SMALLEST_PATCH)

@@ -15,7 +15,6 @@ from segar.metrics.unseen import warn_of_unseen
 from segar.metrics.wasserstein import MISMATCH, Mode, cost_function, exact_costs
 from segar.support import emd, plan_of
 
-NEGLIGIBLE = 1e-15  # mass of a pair of levels below which it is a rounding error of zero
 FRESH_SPLIT = "same-distribution floor"
 """Split of the levels that stand for a distribution here, so that they are no train or test levels."""
 
@@ -91,7 +90,7 @@ def decompose(
     unseen = warn_of_unseen("decompose", a, b, "exact", factors, scale)
     costs = exact_costs(a, b, types, units, mismatch)
     plan = plan_of(costs)
-    i, j = np.nonzero(plan > NEGLIGIBLE)
+    i, j = np.nonzero(plan)
     mass = plan[i, j]
     parts: dict[tuple[type, type[Factor] | None], float] = {}
     for entity in types:
@@ -207,6 +206,7 @@ def w2_debiased(
     """
     checks.require_levels("w2_debiased", a, b)
     checks.require_generator("w2_debiased", rng)
+    checks.require_count("w2_debiased", "repeats", repeats, 2)
     for levels in (a, b):
         if levels.distribution is None:
             raise LevelError(
@@ -249,8 +249,6 @@ def _distances(
 
     ``options`` are those of :func:`segar.metrics.w2`.
     """
-    if repeats < 2:
-        raise LevelError(f"a floor needs at least 2 repeats, not {repeats}")
     found = []
     for _ in range(repeats):
         a, b = (source.sample(n, seed=int(rng.integers(2**62)), split=FRESH_SPLIT) for source, n in (first, second))

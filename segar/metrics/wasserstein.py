@@ -26,6 +26,8 @@ REFERENCE_MISMATCH = 100.0  # of the 2022 implementation, in its unscaled units
 REFERENCE_PROJECTIONS = 50
 REFERENCE_SEED = 0
 
+SAME = 1e-9  # distances that differ by a smaller part are equal: those of one deal in another order do, by rounding
+
 REFERENCE_ORDER: tuple[type[Factor], ...] = (
     language.Size, language.Position, language.Visible, language.Order, language.Mobile, language.Velocity,
     language.Mass, language.Charge, language.Density, language.Magnetism, language.StoredEnergy,
@@ -41,7 +43,8 @@ class W2Report:
     Attributes:
         value: the distance, as :func:`w2` returns it.
         low, high: ``value`` -/+ 1.96 standard errors over bootstrap resamples of both sets of levels, cut off at 0. The
-            resamples' own mean is no centre: resampled levels repeat, which moves the sets apart.
+            resamples' own mean is no centre: resampled levels repeat, which moves the sets apart. NaN where a set has one
+            level, or all resamples are as far apart, which says nothing of other levels.
         floor: mean distance of two sets of the same sizes dealt at random from all levels of both: what the distance
             would be if both were from one distribution.
         p_value: share of such deals (the given one counted in) that are at least as far apart as ``value``: the
@@ -155,8 +158,7 @@ def w2_report(
     Source: the bootstrap of Efron (1979) for the interval, Fisher's permutation test for the floor and the p-value.
     """
     checks.require_generator("w2_report", rng)
-    if resamples < 2:
-        raise LevelError(f"w2_report needs at least 2 resamples, not {resamples}")
+    checks.require_count("w2_report", "resamples", resamples, 2)
     cost = cost_function("w2_report", a, b, mode, mismatch, scale, factors)
     unseen = warn_of_unseen("w2_report", a, b, mode, factors, scale)
     between = cost(a, b)
@@ -188,16 +190,17 @@ def resampled(pooled: np.ndarray, n: int, rng: np.random.Generator, resamples: i
     for _ in range(resamples):
         end_of_part()
         times_a, times_b = rng.multinomial(n, np.full(n, 1 / n)), rng.multinomial(m, np.full(m, 1 / m))
-        kept = between[np.ix_(times_a > 0, times_b > 0)]
-        drawn.append(np.sqrt(emd(kept, times_a[times_a > 0] / n, times_b[times_b > 0] / m)))
+        drawn.append(np.sqrt(emd(between, times_a, times_b)))
     margin = 1.96 * float(np.std(drawn, ddof=1))
+    if min(n, m) == 1 or margin <= SAME * value:
+        margin = float("nan")
     dealt = []
     for _ in range(resamples):
         end_of_part()
         deal = rng.permutation(n + m)
         dealt.append(np.sqrt(emd(pooled[np.ix_(deal[:n], deal[n:])])))
-    p_value = float((1 + sum(d >= value for d in dealt)) / (1 + resamples))
-    return Resampled(value, max(value - margin, 0.0), value + margin, float(np.mean(dealt)), p_value)
+    p_value = float((1 + sum(d >= (1 - SAME) * value for d in dealt)) / (1 + resamples))
+    return Resampled(value, float(np.maximum(value - margin, 0.0)), value + margin, float(np.mean(dealt)), p_value)
 
 
 def cost_function(

@@ -25,6 +25,7 @@ NODES = 24  # of Gauss-Legendre quadrature per piece: errors below 1e-10 for Gau
 PLANE_NODES = 8  # of quadrature per cell and axis of a grid on the plane
 BISECTIONS = 60  # of a piece, to find a quantile: exact to rounding
 LAST_QUANTILE = 1 - 2.0**-53  # largest probability below one: the quantile of one may be infinite
+ROUNDING = 1e-13  # of sums of masses
 MISSING_MASS = 1e-6  # that quadrature may miss before a distribution counts as having mass on lines
 
 DISTANCES: dict[str, Callable[[Noise, Any], Any]] = {}
@@ -202,7 +203,10 @@ def quantile_bends(distribution: Noise) -> np.ndarray:
 
 
 def quadrature(edges: np.ndarray, nodes: int = NODES) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes and weights on each interval between ascending ``edges``, flat."""
+    """Gauss-Legendre nodes and weights on each interval between ascending ``edges``, flat; one node is for steps, whose
+    edges are the same if they are so up to rounding."""
+    if nodes == 1:
+        edges = edges[np.append(np.diff(edges) > ROUNDING, True)]
     z, weight = gauss_legendre(nodes)
     half, middle = np.diff(edges) / 2, (edges[1:] + edges[:-1]) / 2
     return (middle[:, None] + half[:, None] * z).ravel(), (half[:, None] * weight).ravel()

@@ -15,14 +15,13 @@ from segar.errors import PriorError
 from segar.noise.base import DISTANCES, Noise, check_width
 from segar.noise.continuous import GaussianNoise, UniformNoise
 from segar.noise.discrete import Deterministic, DiscreteNoise
-from segar.noise.line_distances import greatest_difference, ks_line, supremum, w2_line, w2_on_circle
+from segar.noise.line_distances import ATOM_PAIRS, greatest_difference, ks_line, supremum, w2_line, w2_on_circle
 from segar.noise.locations import GaussianNoise2D
 from segar.noise.mixture import MixtureNoise
 from segar.noise.transforms import Affine
 from segar.noise.wrapped import Wrapped
 from segar.support import Estimate, emd
 
-ATOM_PAIRS = 4_000_000  # between which transport is solved exactly
 FEW_ATOMS = 1024  # that stand for themselves where the other distribution has a density
 FINE = 256  # cells per axis whose masses are known from the distribution function
 COARSE = 32  # cells per axis that they are gathered in, for transport
@@ -183,7 +182,7 @@ def _gaussians(a: Any, b: Any) -> float:
 
 def _transport(x: np.ndarray, p: np.ndarray, y: np.ndarray, q: np.ndarray) -> float:
     """Wasserstein-2 distance between points ``(n, 2)`` with masses ``(n,)``, exact."""
-    return math.sqrt(emd(((x[:, None] - y[None]) ** 2).sum(axis=-1), p / p.sum(), q / q.sum()))
+    return math.sqrt(emd(((x[:, None] - y[None]) ** 2).sum(axis=-1), p, q))
 
 
 def _lines(a: Noise, b: Noise, axis: int) -> np.ndarray:

@@ -5,11 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from segar.noise.base import NODES, Noise, quadrature, quantile_bends, quantile_nodes
+from segar.noise.base import NODES, ROUNDING, Noise, quadrature, quantile_bends, quantile_nodes
 from segar.noise.discrete import DiscreteNoise
 from segar.noise.wrapped import Wrapped
-from segar.support import Estimate
+from segar.support import Estimate, emd
 
+ATOM_PAIRS = 4_000_000  # between which transport is solved exactly
 KS_GRID = 512  # points per distribution where the difference of two distribution functions is looked at first
 KS_REFINEMENTS = 40  # golden-section steps around the best of them
 KS_TOLERANCE = 1e-6  # to which the Kolmogorov-Smirnov distance is bounded
@@ -99,10 +100,11 @@ def w2_on_circle(a: Noise, b: Noise, period: float) -> Estimate:
     """
     if a == b:
         return Estimate(0.0)
+    (x, p), (y, q) = a.atoms, b.atoms
+    if min(p.sum(), q.sum()) > 1 - ROUNDING and len(x) * len(y) <= ATOM_PAIRS:
+        apart = x[:, None] - y
+        return Estimate(math.sqrt(emd((apart - period * np.rint(apart / period)) ** 2, p, q)))
     a, b = (_within_a_turn(one, period) for one in (a, b))
-    if isinstance(a, DiscreteNoise) and isinstance(b, DiscreteNoise):
-        _, square = _least(lambda shift: _square(a, b, period, shift, 1), -1.5, 1.5, GOLDEN_STEPS)
-        return Estimate(math.sqrt(square))
     near, _ = _least(_tabulated(a, b, period), -1.5, 1.5, GOLDEN_STEPS)
     reach, shift = 2 / TABLE, math.inf
     while abs(shift - near) > 0.9 * reach:  # the minimum lies outside of what was searched

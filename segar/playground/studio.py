@@ -140,7 +140,8 @@ class Studio:
             warnings.simplefilter("ignore", UnseenDifferenceWarning)  # the answer says it
             w2 = w2_report(a, b, rng=np.random.default_rng(SEED), resamples=W2_RESAMPLES)
             ks = ks_report(a, b, rng=np.random.default_rng(SEED), resamples=KS_RESAMPLES)
-        return {"w2": asdict(w2), "ks": asdict(ks), "levels": [len(a), len(b)]}
+        known = {name: None if value != value else value for name, value in asdict(w2).items()}  # JSON has no NaN
+        return {"w2": known, "ks": asdict(ks), "levels": [len(a), len(b)]}
 
     def _plan(self, question: Question) -> dict[str, Any]:
         """The best known episode on a level, as it is in the page now, and the way of the agent's body in it."""

@@ -37,6 +37,27 @@ DRAWING: dict[str, Callable[..., Any]] = {
 }
 
 
+COUNTS: dict[str, Callable[..., Any]] = {
+    "w2_report .* resamples": lambda a, n: metrics.w2_report(a, a, rng=RNG, resamples=n),
+    "w2_debiased .* repeats": lambda a, n: metrics.w2_debiased(a, a, rng=RNG, repeats=n),
+    "w2_sliced .* projections": lambda a, n: metrics.w2_sliced(a, a, rng=RNG, projections=n),
+    "ks_report .* resamples": lambda a, n: metrics.ks_report(a, a, rng=RNG, resamples=n),
+    "mmd_test .* resamples": lambda a, n: metrics.mmd_test(a, a, rng=RNG, resamples=n),
+    "visual_distance .* samples": lambda a, n: metrics.visual_distance("baseline", "baseline", rng=RNG, samples=n),
+    "visual_distance .* resamples": lambda a, n: metrics.visual_distance("baseline", "baseline", rng=RNG, resamples=n),
+    "coverage .* sample": lambda a, n: metrics.coverage(a, a.distribution, rng=RNG, sample=n),
+    "design: .* pool": lambda a, n: metrics.design(a.distribution, 5, "covering", pool=n),
+    "design: .* from a pool": lambda a, n: metrics.matched_set(a.distribution, 5, test=a, pool=n),
+    "hardness .* random play": lambda a, n: hardness.hardness(a, rng=RNG, plays=n),
+    "search .* samples": lambda a, n: hardness.plan(a, rng=RNG, samples=n),
+    "search .* iterations": lambda a, n: hardness.plan(a, rng=RNG, iterations=n),
+    "influence .* play": lambda a, n: hardness.influence(a, rng=RNG, plays=n),
+    "influence .* horizon": lambda a, n: hardness.influence(a, rng=RNG, horizon=n),
+    "dynamics_distances .* sequences": lambda a, n: hardness.dynamics_distances(a, a, rng=RNG, sequences=n),
+    "dynamics_distances .* horizon": lambda a, n: hardness.dynamics_distances(a, a, rng=RNG, horizon=n),
+}
+
+
 def levels() -> segar.Levels:
     return segar.family("empty-hard").sample(10, seed=0)
 
@@ -59,6 +80,13 @@ def test_factors_that_are_no_list_of_factors_are_refused_in_the_name_of_the_meas
 def test_a_number_is_no_unit_of_each_factor(name):
     with pytest.raises(SegarError, match=rf"{name}: scale must map .* as segar.metrics.spread\(a, b\) does, not 2.0"):
         MEASURES[name](levels(), scale=2.0)
+
+
+@pytest.mark.parametrize("name", COUNTS)
+@pytest.mark.parametrize("count", [20.5, 50.0, "20", True, 0])
+def test_a_count_is_a_whole_number(name, count):
+    with pytest.raises(SegarError, match=f"({name}).*{count}"):
+        COUNTS[name](levels(), count)
 
 
 @pytest.mark.parametrize("name", DRAWING)

@@ -11,6 +11,7 @@ os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")
 import numpy as np
 import ot
 import pytest
+import scipy
 
 import segar
 from segar import Charger, Friction, GoalTile, GolfBall, Gravity, Levels, Position, SandTile, Size
@@ -293,6 +294,41 @@ def test_wrong_options_are_named(options, message):
     levels = segar.family("empty-easy").sample(2, seed=0, split="train")
     with pytest.raises(LevelError, match=re.escape(message)):
         w2(levels, levels, **options)
+
+
+def charged(numbers: list[float], unit: float = 1.0) -> Levels:
+    return Levels.from_entities([[Charger({Position: [0.0, 0.0], segar.Charge: unit * x})] for x in numbers])
+
+
+@pytest.mark.parametrize("mode", ["paper", "reference"])
+@pytest.mark.parametrize(("far", "unit"), [(0.0, 1e-7), (1e4, 1e-3), (1e8, 1.0), (1e30, 1.0)])
+def test_a_far_level_in_each_set_and_small_numbers_leave_the_distance_exact(mode, far, unit):
+    rng = np.random.default_rng(3)
+    a, b = (charged([far, *rng.normal(size=11)], unit) for _ in range(2))
+    costs = segar.metrics.cost_matrix(a, b, mode)
+    exact = np.sqrt(costs[scipy.optimize.linear_sum_assignment(costs)].mean())
+    assert w2(a, b, mode) == pytest.approx(exact, rel=1e-9, abs=0)
+    assert w2_report(a, b, mode, rng=rng, resamples=2).value == pytest.approx(exact, rel=1e-9, abs=0)
+    assert w2(a, b[[0] + [1, 2, 3] * 5], mode) < 10 * max(exact, far)  # whatever the sizes, there is a plan
+
+
+def test_sets_that_say_nothing_of_other_levels_have_no_interval_of_their_distance():
+    rng = np.random.default_rng(0)
+    one, other, same = charged([0.0]), charged([1.0]), charged([2.0, 2.0, 2.0])
+    for a, b in ((one, other), (one, charged([1.0, 2.0, 3.0])), (same, charged([0.0, 0.0]))):
+        found = w2_report(a, b, rng=rng, resamples=10)
+        assert np.isnan([found.low, found.high]).all() and found.value > 0
+    assert w2_report(one, other, rng=rng, resamples=50).p_value == 1.0
+    many = w2_report(charged([0.0, 1.0, 2.0]), charged([1.5, 2.5, 4.0]), rng=rng, resamples=50)
+    assert many.low < many.value < many.high
+
+
+def test_three_against_three_levels_are_no_more_unlike_than_one_deal_in_ten():
+    """There are 20 deals, of which two have the distance of the given one: it, and the one the other way round."""
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        a, b = charged(rng.normal(size=3).tolist()), charged((100 + rng.normal(size=3)).tolist())
+        assert w2_report(a, b, rng=rng, resamples=200).p_value > 0.05
 
 
 def test_distances_ask_for_level_sets():

@@ -146,7 +146,7 @@ def test_clusterings_differ_by_their_clusters_and_not_by_the_order_of_these():
 def test_what_cannot_be_measured_is_refused():
     with pytest.raises(segar.SegarError, match=r"no embedding 'pixel'\. Did you mean 'pixels'\?"):
         measured(A, B, embedding="pixel")
-    with pytest.raises(segar.SegarError, match="10 samples and 10 resamples or more, not 5 and 10"):
+    with pytest.raises(segar.SegarError, match="visual_distance needs at least 10 samples, not 5"):
         measured(A, B, samples=5)
     strange = TextureSet("strange", ("Spin",), np.ones((1, 1, 3, 3, 3)), np.zeros((1, 3, 3, 3)), [0.0], [1.0])
     with pytest.raises(segar.SegarError, match="no distribution says how much the input 'Spin' varies"):

@@ -89,6 +89,19 @@ def test_transport_between_points_is_exact():
     assert a.ks(b) == pytest.approx(1 / 3)  # at (0, 1) two of three points against one
 
 
+def test_transport_between_atoms_is_exact_however_near_they_are_and_whatever_else_is_far():
+    for apart in (1e-2, 1e-9):  # across the cut of the circle: a tenth of the mass goes the short way
+        a, b = (sn.Wrapped(sn.Choice([place, 0.0, 1.0], p=[0.1, 0.3, 0.6])) for place in (np.pi - apart, apart - np.pi))
+        assert a.w2(b) == pytest.approx(math.sqrt(0.1) * 2 * apart, rel=1e-5)
+    for far in (10.0, 1e15):  # three tenths are not 0.3
+        places, other = [*np.arange(9.0), far], sn.Choice([1.0, 4.0, far], p=[0.3, 0.6, 0.1])
+        line = math.sqrt(0.1 * sum((x - y) ** 2 for x, y in zip(range(9), [1, 1, 1, 4, 4, 4, 4, 4, 4], strict=True)))
+        assert sn.Choice(places, p=[0.1] * 10).w2(other) == pytest.approx(line)
+        plane = sn.Empirical([(x, 0.0) for x in places])
+        there = sn.Empirical([(1.0, 0.0)] * 3 + [(4.0, 0.0)] * 6 + [(far, 0.0)])
+        assert plane.w2(there) == pytest.approx(line)
+
+
 def test_the_error_of_the_ks_of_boxes_is_zero_and_that_of_gaussians_is_small():
     boxes = sn.RandomEdgeLocation().ks_estimate(sn.RandomUniformLocation())
     assert boxes.error == 0.0 and boxes.value == pytest.approx(9 / 16 - 5 / 12, abs=1e-12)
