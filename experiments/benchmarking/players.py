@@ -11,7 +11,7 @@ from experiments.benchmarking.level_sets import LevelSet, hashes_of, plays_twins
 from experiments.benchmarking.playing import options_of, planned, play_actions, play_player, read_actions, write_actions
 from experiments.benchmarking.protocol import piece_name
 from experiments.benchmarking.row import Method, Piece, file_hash, read_piece, write_piece
-from experiments.runs.executed_code import code_of
+from experiments.runs.executed_code import code_after, code_of
 from experiments.runs.versions import versions
 from experiments.settings import ConfigError, import_object, without_files
 from segar.evaluation import record_actions
@@ -56,8 +56,10 @@ def make_piece(task: PlayerTask) -> dict[str, float]:
             path = action_file(Path(task.actions), task.suite, task.seed)
             actions, made_with["actions"] = read_actions(path), file_hash(path)
         elif task.policy:
+            import_object(task.policy, "policy")  # first, so that the files it names are known from here on
+            code = code_of(without_files(task.policy, "policy"))
             actions = actions_of(task.policy, of, sets, task)
-            made_with["code"] = code_of(without_files(task.policy, "policy"))
+            made_with["code"] = code_after(code, print)
         else:
             actions = planned(of, sets, task.seed)
         file, episodes = ACTIONS, play_actions(actions, of, sets, task.seed)

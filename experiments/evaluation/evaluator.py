@@ -29,7 +29,7 @@ from experiments.levels.builders import (
     task_name,
 )
 from experiments.levels.suite_levels import levels_of_suite
-from experiments.runs.executed_code import changed_parts, differing_parts, executed_code, played_code
+from experiments.runs.executed_code import changed_parts, code_after, differing_parts, executed_code, played_code
 from experiments.runs.own_modules import modules_named, where_searched
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -126,7 +126,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
         summary["anchors"] = {name: float(getattr(baselines, name).mean()) for name in ("random", "floor", "oracle")}
         sizes = ("planner_samples", "planner_iterations")
         summary["planner"] = {name: getattr(config, name) for name in sizes}
-    summary["code"] = code
+    summary["code"] = code_after(code, say)
     out = Path(config.out).expanduser().resolve() if config.out else folder / EVALUATIONS / label(config, levels)
     if replaced := code_replaced(out, code):
         say(f"note: an evaluation by other code lay there, and is replaced; changed since: {', '.join(replaced)}")

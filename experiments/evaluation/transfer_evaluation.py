@@ -11,6 +11,7 @@ from typing import Any
 from experiments.evaluation.episodes import distance_figures, figures_in_modes, play_in_modes
 from experiments.evaluation.evaluator import load_agent, options_of, write
 from experiments.evaluation.transfers import Transfer
+from experiments.runs.executed_code import code_after
 from experiments.runs.run_folder import LEVELS_TRAIN, folder_path
 from experiments.settings import RunConfig, as_data
 from segar.levels import Levels
@@ -29,7 +30,7 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     rows = play_in_modes(policy, "test", test, options, run.evaluation.seed)
     distances = distance_figures(Levels.load(folder / LEVELS_TRAIN), test, run.evaluation.distances)
     figures = {**figures_in_modes(rows, "test"), **distances}
-    summary = {"transfer": as_data(transfer), "frames": frames, **figures, "code": code}
+    summary = {"transfer": as_data(transfer), "frames": frames, **figures, "code": code_after(code, say)}
     write(transfer.folder(run), test, rows, summary)
     say(f"{run.label()}: tested on {transfer.label}, return {figures['evaluation/test/return/deterministic']:.3f}")
     return summary

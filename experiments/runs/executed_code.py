@@ -2,25 +2,25 @@
 
 A part is the kernel, the learner, the curriculum, the environment or the sampler of levels. The fingerprint of a kernel is that
 of its text, so it changes with the rules and with nothing else. The fingerprint of Python code does not change with comments,
-docstrings, layout, or the texts of error messages. The command line, the pictures for people, the tracking and the report are
-no part of it: a run does not execute them.
+docstrings, layout, or the texts of error messages; of an imported module it is that of its source then. The command line, the
+pictures for people, the tracking and the report are no part of it: a run does not execute them.
 
 Beside the parts stand the user's own files, whose names have a slash (``my_lab/levels.py``, ``my_lab/scale.json``); see
 :mod:`experiments.runs.own_files`. What a run has recorded of files is compared with what is in them now.
 """
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import segar
 from experiments.levels.builders import LevelFile, Prepared, observation_seen
-from experiments.runs.own_files import file_digest, own_files
+from experiments.runs.own_files import digest_executed, file_digest, own_files
 from experiments.runs.own_modules import find_file, modules_named, modules_reached
 from experiments.runs.run_folder import VERSIONS, read_versions
-from experiments.runs.source_text import normalised
+from experiments.runs.source_text import executed, normalised
 from experiments.settings import RunConfig, UniformConfig, as_data, flat
 from segar.engine import generate
 from segar.envs import world_of
@@ -30,6 +30,7 @@ CHOICE = "experiments.curricula.training_levels"  # what lets a curriculum choos
 # Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
 ENVIRONMENT = ("envs", "observations", "support")
 SAMPLER = ("levels", "noise", "language")
+CHANGED = "changed"  # in place of the fingerprint of a file of which nobody knows what of it was executed
 PROBED = 8  # levels of each distribution that are looked at
 
 
@@ -43,19 +44,24 @@ def executed_code(prepared: Prepared) -> dict[str, str]:
         ConfigError: a file of the user's own was edited after this process had imported it.
     """
     config = prepared.config
-    learner = config.algorithm.learner.partition(":")[0]
-    choosers = sorted({one.partition(":")[0] for one in _choosers(config)})
-    parts = {**played_code(prepared), "learner": fingerprint(learner)}
-    if choosers:
+    parts = {**played_code(prepared), "learner": fingerprint(config.algorithm.learner.partition(":")[0])}
+    if choosers := _choosers(config):
         parts["curriculum"] = _digest(fingerprint(module).encode() for module in sorted({CHOICE, *choosers}))
-    return {**parts, **_files_of([learner, *choosers, *modules_named(as_data(config))], config)}
+    return {**parts, **executed_files(prepared)}
+
+
+def executed_files(prepared: Prepared) -> dict[str, str]:
+    """The user's files in :func:`executed_code`; raises as that."""
+    config = prepared.config
+    learner, named = config.algorithm.learner.partition(":")[0], modules_named([as_data(config), prepared.task_name])
+    return _files_of([learner, *_choosers(config), *named], config)
 
 
 def _choosers(config: RunConfig) -> list[str]:
-    """What chooses levels, as ``module:Class``; nothing where environments draw from a fixed set."""
+    """The modules that choose levels; none where environments draw from a fixed set."""
     if config.curriculum is not None:
-        return [config.curriculum.chooser]
-    return [UniformConfig.chooser] if config.levels.is_endless else []
+        return [config.curriculum.chooser.partition(":")[0]]
+    return [UniformConfig.chooser.partition(":")[0]] if config.levels.is_endless else []
 
 
 def played_code(prepared: Prepared) -> dict[str, str]:
@@ -73,6 +79,20 @@ def code_of(settings: Any) -> dict[str, str]:
 def files_of_code(code: Mapping[str, str]) -> dict[str, str]:
     """The user's files in ``code``."""
     return {name: content for name, content in code.items() if "/" in name}
+
+
+def code_after(code: Mapping[str, str], say: Callable[[str], None]) -> dict[str, str]:
+    """``code`` as what was made by it has to record it: without a fingerprint of files that changed while it was made.
+
+    ``say`` gets which these are. What is made so counts as made by other code than any.
+    """
+    changed = [name for name, digest in files_of_code(code).items() if digest_executed(name) != digest]
+    if changed:
+        say(
+            f"warning: {', '.join(changed)} changed while this was computed, so nobody knows by which content. The results"
+            " count as those of other code"
+        )
+    return {**code, **dict.fromkeys(changed, CHANGED)}
 
 
 def probed_levels(prepared: Prepared, split: str) -> Levels:
@@ -103,7 +123,7 @@ def differing_parts(before: Mapping[str, str], now: Mapping[str, str]) -> list[s
 
 def fingerprint(module: str) -> str:
     """Sixteen hexadecimal digits over ``module`` and all modules that it reaches."""
-    return _digest(normalised(path) for _, path in sorted(modules_reached(module).items()))
+    return _digest(normalised(executed(path)) for _, path in sorted(modules_reached(module).items()))
 
 
 def _played(prepared: Prepared) -> dict[str, str]:
@@ -138,7 +158,7 @@ def _library(rooms: tuple[str, ...]) -> str:
     """The fingerprint of rooms of ``segar``, with the data that they ship."""
     folder = Path(segar.__file__).resolve().parent
     files = [path for room in rooms for path in sorted((folder / room).rglob("*")) if path.suffix in (".py", ".npz")]
-    return _digest(normalised(path) if path.suffix == ".py" else path.read_bytes() for path in files)
+    return _digest(normalised(executed(path)) if path.suffix == ".py" else path.read_bytes() for path in files)
 
 
 def _digest(contents: Iterable[bytes]) -> str:

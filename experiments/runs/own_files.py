@@ -15,16 +15,15 @@ import ast
 import hashlib
 import os
 import re
-import sys
 from collections.abc import Collection, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 from weakref import WeakKeyDictionary
 
-from experiments.runs.own_modules import OUR_FOLDERS, OURS, imported_by, is_installed, source_reached
+from experiments.runs.own_modules import OUR_FOLDERS, OURS, find_file, imported_by, is_installed, source_reached
 from experiments.runs.source_text import nodes_of, normalised
-from experiments.settings import ConfigError
+from experiments.settings import ConfigError, imported_from
 
 LOADING = {
     "import_module", "__import__", "exec", "exec_module", "run_module", "run_path", "spec_from_file_location",
@@ -37,7 +36,7 @@ FOLDER_NAME = re.compile(r"[\w-][\w .-]*(/[\w-][\w .-]*)*")
 NO_DATA = (".pyc", ".so", ".nbi", ".nbc", ".lock")  # compiled code, kernels, locks
 SYSTEM = tuple(map(Path, ("/dev", "/etc", "/proc", "/run", "/sys", "/usr", "/var")))
 
-_as_imported: WeakKeyDictionary[ModuleType, dict[str, str]] = WeakKeyDictionary()
+_as_seen: WeakKeyDictionary[ModuleType, dict[Path, str]] = WeakKeyDictionary()  # what the modules' files held at first
 
 
 def own_files(module: str, texts: Collection[str] = ()) -> dict[str, str]:
@@ -50,15 +49,14 @@ def own_files(module: str, texts: Collection[str] = ()) -> dict[str, str]:
         texts: further texts that may name files, such as the options of a task.
 
     Raises:
-        ConfigError: a file has changed since this process saw the module, whose functions are those of the file before.
+        ConfigError: a file has changed since this process imported the module that it makes, or found it named by one that it
+            had imported. The functions of these modules are those of the file before.
     """
-    found = {name: file_digest(path) for name, path in sorted(_files_of(module, texts).items())}
-    imported = sys.modules.get(module)
-    if imported is None:
-        return found
-    before = _as_imported.setdefault(imported, found)
-    changed = [name for name in found if before.setdefault(name, found[name]) != found[name]]
-    if changed:
+    reached = _files_of(module, texts)
+    found = {name: file_digest(path) for name, (path, _) in sorted(reached.items())}
+    changed = [name for name in found if _at_first(*reached[name], found[name]) != found[name]]
+    seen = [path for source in {source for _, source in reached.values()} for path in _seen_by(source)]
+    if changed := [*changed, *(str(path) for path in seen if not path.exists())]:
         raise ConfigError(
             f"{changed[0]} has changed since this process imported {module}, so a run would not be one of the code that lies"
             " there now. Give the command again, so that a new process imports it"
@@ -70,11 +68,34 @@ def file_digest(path: Path) -> str:
     """Sixteen hexadecimal digits of a file's content, of a source file's as far as it counts; raises :class:`OSError` if it
     cannot be read."""
     about = path.stat()
-    return _digest(path, about.st_mtime_ns, about.st_size)
+    return _digest(path, about.st_ctime_ns, about.st_size)
 
 
-def _files_of(module: str, texts: Collection[str]) -> dict[str, Path]:
-    found: dict[str, Path] = {}
+def digest_executed(name: str) -> str:
+    """The fingerprint of the file of this name as this process executes it: of what was imported from it, else of what is in it
+    now; empty where there is none."""
+    path = find_file(name)
+    if path is None:
+        return ""
+    imported = imported_from(path.resolve())
+    return file_digest(path) if imported is None else _of_source(imported[1])
+
+
+def _at_first(path: Path, source: Path, now: str) -> str:
+    """The fingerprint of a file at its import, or else when it was first found after that of the ``source`` that names it."""
+    imported = imported_from(path)
+    return _seen_by(source).setdefault(path, now) if imported is None else _of_source(imported[1])
+
+
+def _seen_by(source: Path) -> dict[Path, str]:
+    """What the files that a source names held when they were first found; nothing is kept where it is not imported."""
+    imported = imported_from(source)
+    return {} if imported is None else _as_seen.setdefault(imported[0], {})
+
+
+def _files_of(module: str, texts: Collection[str]) -> dict[str, tuple[Path, Path]]:
+    """Name of each file to the file, and to the source that names it, which is itself for a module."""
+    found: dict[str, tuple[Path, Path]] = {}
     done: set[str] = set()
     whole: set[tuple[Path, str]] = set()  # packages whose files count, and which of them
     waiting = [module]
@@ -88,13 +109,13 @@ def _files_of(module: str, texts: Collection[str]) -> dict[str, Path]:
             continue
         path = source.resolve()
         root = path.parents[name.count(".") + (path.name == "__init__.py")]
-        found[_name(path, root)] = path
+        found[_name(path, root)] = path, path
         waiting += imported_by(name, path)
         waiting += [name[: dot.start()] for dot in re.finditer(r"\.", name)]  # Python executes these packages, too
         for file in _own(_named_by(path, root, texts, whole), root):
             if file.suffix == ".py" and file.is_relative_to(root):
                 waiting.append(".".join(file.relative_to(root).with_suffix("").parts).removesuffix(".__init__"))
-            found.setdefault(_name(file, root), file)
+            found.setdefault(_name(file, root), (file, path))
     return found
 
 
@@ -157,6 +178,10 @@ def _name(path: Path, root: Path) -> str:
 @cache
 def _digest(path: Path, _time: int, _size: int) -> str:
     if path.suffix == ".py":
-        return hashlib.sha256(normalised(path)).hexdigest()[:16]
+        return _of_source(path.read_bytes())
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
+
+
+def _of_source(content: bytes) -> str:
+    return hashlib.sha256(normalised(content)).hexdigest()[:16]

@@ -3,13 +3,24 @@
 import ast
 from pathlib import Path
 
+from experiments.settings import imported_from
 
-def normalised(path: Path) -> bytes:
-    """The syntax tree of a file without docstrings and without the texts of what it raises, its imports in order of name.
 
-    Of a file that is no Python, such as a template, the content as it is. Raises :class:`OSError` if it cannot be read.
+def executed(path: Path) -> bytes:
+    """The source that this process executes: what was in the file when it was imported, and what is in it where it was not.
+
+    Raises:
+        OSError: it cannot be read.
     """
-    content = path.read_bytes()
+    found = imported_from(path.resolve())
+    return path.read_bytes() if found is None else found[1]
+
+
+def normalised(content: bytes) -> bytes:
+    """The syntax tree of a source without docstrings and without the texts of what it raises, its imports in order of name.
+
+    Of what is no Python, such as a template, the content as it is.
+    """
     tree = _syntax_tree(content)
     if tree is None:
         return content
@@ -25,8 +36,8 @@ def normalised(path: Path) -> bytes:
 
 
 def nodes_of(path: Path) -> list[ast.AST]:
-    """All nodes of the syntax tree of a file; none of one that is no Python."""
-    tree = _syntax_tree(path.read_bytes())
+    """All nodes of the syntax tree of a source, as it is executed; none of one that is no Python."""
+    tree = _syntax_tree(executed(path))
     return [] if tree is None else list(ast.walk(tree))
 
 

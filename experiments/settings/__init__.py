@@ -62,6 +62,7 @@ from experiments.settings.errors import CheckpointError, ConfigError, RunFolderE
 from experiments.settings.evaluate import EvaluateConfig
 from experiments.settings.from_data import construct, flat, run_config
 from experiments.settings.grid import GridPoint, config_at, design, design_hash, grid_point, panel_parts
+from experiments.settings.imported_sources import imported_from
 from experiments.settings.own_code import (
     OBJECT_NAME,
     add_module_path,

@@ -11,7 +11,7 @@ from experiments.evaluation.episodes import unseen_by_distances
 from experiments.levels.builders import Prepared, check_observations, check_results
 from experiments.levels.endless import stream_of
 from experiments.networks.devices import arithmetic
-from experiments.runs.executed_code import executed_code
+from experiments.runs.executed_code import executed_code, executed_files
 from experiments.runs.journal import Journal
 from experiments.runs.level_prints import is_own, prints_of, share_of
 from experiments.runs.run_folder import (
@@ -49,6 +49,7 @@ def prepare(
         SegarError: levels, task, observation, algorithm and what the folder holds do not fit each other.
     """
     config = prepared.config
+    executed_files(prepared)  # as they are now: an edit from here on is noticed, also while the kernel is compiled
     if config.levels.is_endless:
         stream_of(prepared)  # which says what is wrong with levels that end
     train, test = prepared.level_sets

@@ -22,7 +22,7 @@ from experiments.evaluation.episodes import (
 )
 from experiments.levels.builders import Prepared
 from experiments.networks.devices import arithmetic
-from experiments.runs.executed_code import changed_parts, executed_code
+from experiments.runs.executed_code import changed_parts, code_after, executed_code
 from experiments.runs.journal import PREPARATION, Journal
 from experiments.runs.own_modules import folders_of
 from experiments.runs.run_folder import (
@@ -159,6 +159,7 @@ def _carry_out(training: Training, tracker: Tracker, say: Callable[[str], None])
     took = {"seconds": training.seconds, "evaluation_seconds": evaluation_seconds}
     played = {row["name"]: row["value"] for row in training.rows if row["name"].startswith("played/")}  # the last ones
     summary = {"label": config.label(), "frames": learner.frames, **took, **final, **played}
+    write_json(folder / VERSIONS, {**read_versions(folder), "code": code_after(training.code, say)})
     write_json(folder / SUMMARY, summary)
     training.env.close()
     return summary

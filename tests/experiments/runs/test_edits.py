@@ -1,12 +1,18 @@
 """A user trains with a package of her own, edits it, and gives the same command again: every edit that matters is noticed."""
 
+import json
+import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from experiments.runs.own_files import file_digest
+from experiments.settings import CHECKOUT
 from tests.experiments.short_runs import run_module
+from tests.waiting import until
 
 STUDY = Path(__file__).parents[2] / "data" / "wind_study"
 SETTINGS = (
@@ -125,3 +131,20 @@ def test_another_setting_is_another_run(study):
     edit(study, "conf/algorithm/mine.yaml", "num_steps: 16", "num_steps: 32")
     assert train(study).returncode == 0
     assert len(list((study / "runs").glob("*/summary.json"))) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", ["*/journal.jsonl", "*/summary.json"])
+def test_an_edit_during_a_multirun_is_never_recorded_as_what_was_executed(tmp_path, moment):
+    folder = shutil.copytree(STUDY, tmp_path / "wind")
+    command = [sys.executable, "-m", "experiments.train", "--config-dir", "conf", "--multirun", *SETTINGS, "seed=1,2"]
+    process = subprocess.Popen(command, cwd=folder, env={**os.environ, "PYTHONPATH": f"{CHECKOUT}{os.pathsep}{folder}"})
+    until(lambda: any((folder / "runs").glob(moment)))
+    edit(folder, "windlab/helper.py", "0.5", "0.6")
+    assert process.wait(120) == 1
+    finished = [json.loads((one.parent / "versions.json").read_text()) for one in folder.glob("runs/*/summary.json")]
+    now = file_digest(folder / "windlab" / "helper.py")
+    assert len(finished) == (moment == "*/summary.json") and all(
+        now != one["code"]["windlab/helper.py"] for one in finished
+    )
+    assert train(folder, "seed=2").returncode == 0

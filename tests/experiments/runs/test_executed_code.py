@@ -1,6 +1,7 @@
 """What a run may be resumed under: the code that it executes, whoever wrote that code, and nothing else."""
 
 import dataclasses
+import importlib
 import shutil
 import sys
 from pathlib import Path
@@ -10,7 +11,8 @@ import pytest
 import segar
 from experiments.levels.builders import Prepared
 from experiments.runs import executed_code as module
-from experiments.runs.executed_code import combined, differing_parts, executed_code, fingerprint
+from experiments.runs.executed_code import code_after, combined, differing_parts, executed_code, fingerprint
+from experiments.runs.own_files import file_digest
 from experiments.runs.own_modules import modules_reached
 from experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, SACConfig
 
@@ -68,6 +70,44 @@ def test_an_edit_changes_the_fingerprint_if_the_learner_imports_it(package, file
     assert fingerprint("my_lab.mine") == before
     path.write_text(f"{path.read_text()}more = 1\n")
     assert (fingerprint("my_lab.mine") != before) == counts
+
+
+def test_an_imported_learner_is_recorded_as_it_is_executed_whatever_its_file_says_now(package):
+    importlib.import_module("my_lab.sums")
+    before = fingerprint("my_lab.sums")
+    edited(package / "sums.py", "max", "min")
+    assert fingerprint("my_lab.sums") == before
+    del sys.modules["my_lab.sums"]
+    assert fingerprint("my_lab.sums") != before
+
+
+def test_files_that_changed_while_a_run_went_on_count_as_other_code_ever_after(package):
+    importlib.import_module("my_lab.sums")
+    (package / "data.json").write_text("1")
+    code = {"kernel": "k", **dict.fromkeys(("my_lab/sums.py", "my_lab/parts.py", "my_lab/data.json"), "")}
+    code = {name: file_digest(package.parent / name) if "/" in name else was for name, was in code.items()}
+    lines = []
+    assert code_after(code, lines.append) == code and not lines
+    edited(package / "sums.py", "max", "min")  # which was imported before, and so the run executed what is recorded
+    assert code_after(code, lines.append) == code and not lines
+    edited(package / "data.json", "1", "2")
+    edited(package / "parts.py", "max", "min")
+    importlib.import_module("my_lab.parts")  # late: the run executed the edited one
+    after = code_after(code, lines.append)
+    assert [name for name in code if after[name] != code[name]] == ["my_lab/parts.py", "my_lab/data.json"]
+    assert "my_lab/parts.py, my_lab/data.json changed while" in lines[0]
+    edited(package / "data.json", "2", "1")
+    assert "my_lab/data.json" in differing_parts(after, {"kernel": "k"})
+
+
+def test_the_files_of_a_task_that_the_levels_name_count(package):
+    (package / "tasks.py").write_text("import segar\n\n\ndef calm():\n    return segar.puttputt()\n")
+    (package / "levels.py").write_text(
+        "import dataclasses\nimport segar\n\n\ndef calm():\n"
+        "    return dataclasses.replace(segar.family('empty-easy'), task='my_lab.tasks:calm')\n"
+    )
+    named = dataclasses.replace(CONFIG, levels=dataclasses.replace(CONFIG.levels, train="my_lab.levels:calm"))
+    assert "my_lab/tasks.py" in executed_code(Prepared(named))
 
 
 def test_the_order_of_imports_is_no_code_and_their_names_are(package):

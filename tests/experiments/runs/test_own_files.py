@@ -10,6 +10,7 @@ import segar
 from experiments.runs.own_files import own_files
 from experiments.runs.own_modules import find_file
 from experiments.settings import ConfigError
+from segar.support import named_object
 
 HERE = (
     "import json, importlib, importlib.util, linecache, os, pkgutil, runpy, sys\n"
@@ -152,4 +153,56 @@ def test_an_edit_after_the_import_is_refused_until_a_new_process_imports_it(lab,
     for name in ("lab.levels", "lab.late"):
         del sys.modules[name]
     importlib.import_module("lab.levels")
+    assert own_files("lab.levels") != before
+
+
+@pytest.mark.parametrize("file", ["lab/levels.py", "lab/late.py", "lab/deep.py", "beside.py"])
+def test_an_edit_between_the_import_and_the_first_look_is_refused(lab, file):
+    written(lab, "from lab import late\nimport beside")
+    importlib.import_module("lab.levels")
+    edit(lab / file)
+    with pytest.raises(
+        ConfigError, match=f"{NAMES.get(file, file)} has changed since this process imported lab.levels"
+    ):
+        own_files("lab.levels")
+
+
+@pytest.mark.parametrize("file", ["lab/late.py", "lab/width.json"])
+def test_an_edit_of_what_two_modules_share_is_refused_for_the_second(lab, file):
+    (lab / "lab" / "late.py").write_text(f"{HERE}WIDTH = json.loads((HERE / 'width.json').read_text())\n")
+    for name in ("levels", "tasks"):
+        (lab / "lab" / f"{name}.py").write_text("from lab import late\n")
+        importlib.import_module(f"lab.{name}")
+    own_files("lab.levels")
+    edit(lab / file)
+    with pytest.raises(ConfigError, match=f"{file} has changed since this process imported lab.tasks"):
+        own_files("lab.tasks")
+
+
+def test_an_edit_of_a_module_that_was_imported_by_another_name_is_refused(lab, monkeypatch):
+    written(lab, "WIDTH = 1")
+    monkeypatch.syspath_prepend(lab / "lab")
+    named_object("levels:WIDTH")
+    assert named_object("lab.levels:WIDTH") == 1 and "lab.levels" not in sys.modules
+    edit(lab / "lab" / "levels.py")
+    with pytest.raises(ConfigError, match=r"lab/levels\.py has changed"):
+        own_files("lab.levels")
+    del sys.modules["levels"]
+
+
+def test_data_that_are_gone_after_the_import_are_refused(lab):
+    written(lab, "WIDTH = (HERE / 'width.json').read_text()")
+    importlib.import_module("lab.levels")
+    own_files("lab.levels")
+    (lab / "lab" / "width.json").unlink()
+    with pytest.raises(ConfigError, match=r"lab/width\.json has changed"):
+        own_files("lab.levels")
+
+
+def test_an_edit_of_equal_length_that_keeps_the_time_of_the_file_counts(lab):
+    written(lab, "WIDTH = (HERE / 'width.json').read_text()")
+    file = lab / "lab" / "width.json"
+    before, about = own_files("lab.levels"), file.stat()
+    file.write_text("2")
+    os.utime(file, ns=(about.st_atime_ns, about.st_mtime_ns))
     assert own_files("lab.levels") != before
