@@ -1,6 +1,7 @@
-"""What the failures of a trained agent on a suite come from: its test levels and their causal twins, played by the agent."""
+"""What the failures of a trained agent come from: its test levels and their causal twins, played by the agent."""
 
 import csv
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,28 +9,40 @@ from typing import Any
 import numpy as np
 
 from experiments.evaluation.episodes import Agent, play_in_modes
-from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError
+from experiments.levels.builders import Prepared
+from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, is_level_file
+from segar.errors import SuiteError
 from segar.levels import Levels
-from segar.suites import Causes, Suite, Twin, Twins, causes_of, looks_like, suite, suites
+from segar.suites import Causes, Suite, Twin, Twins, causes_of, looks_like, own_suite, suite, suites
 from segar.support import replacing
 
 CAUSES = "causes.csv"  # in the folder of an evaluation: a row per action mode and group of factors
 EnvironmentOptions = Callable[[str], Mapping[str, Any]]
 
 
-def suite_played(config: EvaluateConfig, trained: RunConfig) -> Suite:
-    """The suite whose test levels have twins: the one that ``levels`` names, or that of the run.
+def suite_played(config: EvaluateConfig, trained: RunConfig, levels: Levels) -> Suite:
+    """The suite whose test levels have twins: the one that ``levels`` names, or that of the run. Else the run's training
+    distribution and that of the ``levels`` that are played are one.
 
     Raises:
-        ConfigError: neither is a suite.
+        ConfigError: the levels that are played are training levels or those of a file, which no test distribution gave; or
+            one of the two is no :class:`segar.LevelDistribution`.
     """
     for name in (config.levels, trained.levels.named("test")[0]):
         if name in suites():
             return suite(name)
-    raise ConfigError(
-        "twins: causal twins are of the test levels of a suite, and neither levels nor the run names one; take"
-        " levels=NAME, a name of `segar suites`, or leave twins out"
-    )
+    if config.levels == "train" or is_level_file(config.levels):
+        raise ConfigError(
+            f"twins: causal twins are of levels of a test distribution, and {config.levels} are none; take levels=test, or the"
+            " name of a distribution or of a suite, or leave twins out"
+        )
+    tested = trained.levels if config.levels == "test" else dataclasses.replace(trained.levels, test=config.levels)
+    run = Prepared(dataclasses.replace(trained, levels=tested))
+    name = f"{tested.train} to {tested.test_distribution}"
+    try:
+        return own_suite(run.train_distribution, run.test_distribution, task=run.task, name=name, test_levels=levels)
+    except SuiteError as error:
+        raise ConfigError(f"twins: {error}") from error
 
 
 def play_twins(

@@ -12,7 +12,7 @@ from experiments.levels.builders import Prepared
 from experiments.networks.encoders import forget_frames, successive
 from experiments.runs.run_folder import RESULTS
 from experiments.runs.run_rows import result_figures
-from experiments.settings import ACTION_MODES
+from experiments.settings import ACTION_MODES, ConfigError
 from segar import evaluation
 from segar.envs import Policy, VectorEnv, begin_policy
 from segar.errors import UnseenDifferenceWarning
@@ -38,7 +38,13 @@ class NetworkActions:
         self.only_running = not hasattr(network, "begin")  # one that remembers is given all observations
 
     def begin(self, env: VectorEnv) -> None:
-        """Episodes start in ``env``."""
+        """Episodes start in ``env``; raises :class:`ConfigError` where its actions are not those of the network."""
+        space: Any = env.single_action_space
+        if not (np.all(space.low == -1) and np.all(space.high == 1)):
+            raise ConfigError(
+                f"a trained agent acts in [-1, 1], and these environments take actions from {space.low} to {space.high}: give"
+                " them unit_actions=True, with which they scale them"
+            )
         forget_frames(self.network)
         begin_policy(self.network, env)
 

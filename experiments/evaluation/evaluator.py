@@ -61,7 +61,7 @@ from segar.errors import RuleError
 from segar.evaluation import QUANTITIES, Baselines, Idle, find_baselines
 from segar.levels import Levels, hash_of_levels
 from segar.policies import NETWORK_FILE, Network
-from segar.rendering import View, write_video
+from segar.rendering import View, check_video, write_video
 from segar.suites import twins
 
 COUNT = 100  # levels of a distribution, where the number is not given
@@ -86,22 +86,19 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
         SegarError: there is no such run or level set, or the agent cannot observe these levels; the message says why.
     """
     runtime.set_process_defaults()
+    if config.videos != "none":
+        check_video(Path(f"best.{config.videos}"))
     folder = Path(config.run).expanduser().resolve()
     found = read_config(folder, {EVERYTHING} if config.trust else ())
     trained = dataclasses.replace(found, num_threads=config.num_threads)
-    for name in sorted(set(modules_named(as_data(trained)))):  # which define the entities that its level files name
-        try:
-            import_module(name)
-        except ImportError as error:
-            searched = where_searched(error, trained.module_path)
-            raise ConfigError(f"run: its settings name {name}, which cannot be imported: {error}{searched}") from error
+    import_named(trained)
     changed = [part for part in changed_parts(folder, executed_code(Prepared(trained))) if part != "learner"]
     if changed:
         say(
             f"note: the run was made by other code; changed since: {', '.join(changed)}. These episodes are played by today's"
         )
     levels = find_levels(config, folder, trained)
-    with_twins = suite_played(config, trained) if config.twins else None
+    with_twins = suite_played(config, trained, levels) if config.twins else None
     code = {**played_code(Prepared(played(config, trained))), "levels": hash_of_levels(levels)}
     policy: Any  # of the run, or of its network as portable data
     policy, frames = load_agent(folder, trained, levels, say, found)
@@ -146,6 +143,17 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
         say(make_videos(out, config, policy, levels, options, rows))
     say(f"results: {out}")
     return RunEvaluation(rows, summary, out)
+
+
+def import_named(trained: RunConfig) -> None:
+    """Imports the modules that the settings of a run name, which define the entities in its level files; raises
+    :class:`ConfigError` that says where they were looked for."""
+    for name in sorted(set(modules_named(as_data(trained)))):
+        try:
+            import_module(name)
+        except ImportError as error:
+            searched = where_searched(error, trained.module_path)
+            raise ConfigError(f"run: its settings name {name}, which cannot be imported: {error}{searched}") from error
 
 
 def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:
@@ -209,6 +217,27 @@ def load_agent(
         )
     policy = new_policy(computed_as_begun(folder, trained), shape)
     return policy, load_newest_policy(folder, policy, say, recorded)
+
+
+def as_played(run: str | Path, levels: str = "test") -> dict[str, Any]:
+    """What :func:`segar.datasets.record` needs to record the agent of a run folder, which acts without noise.
+
+    Returns:
+        ``levels``, with the run's rules; ``policy``; and all options of the environments in which it was trained, among them
+        ``unit_actions=True``, because agents act in [-1, 1].
+
+    Args:
+        levels: as :class:`experiments.settings.EvaluateConfig` has them.
+
+    Raises:
+        SegarError: there is no such run or level set, no weights, or the agent cannot observe these levels.
+    """
+    folder = Path(run).expanduser().resolve()
+    trained = read_config(folder)
+    import_named(trained)
+    found = find_levels(EvaluateConfig(str(folder), levels=levels), folder, trained)
+    agent, _ = load_agent(folder, trained, found, print)
+    return {"levels": found, "policy": as_policy(agent, None), **options_of(folder, trained, levels)}
 
 
 def new_policy(trained: RunConfig, observation_shape: tuple[int, ...]) -> Any:

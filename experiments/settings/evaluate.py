@@ -29,7 +29,7 @@ class EvaluateConfig(Settings):
     planner_iterations: Count = 5  # rounds of its search; more of both make scores above 1 less likely
     videos: Videos = "mp4"  # of the best, the median and the worst level; or gif, or none
     out: str | None = None  # folder of the results; None: evaluations/ of the run folder, named by the levels
-    twins: bool = False  # also play the causal twins of the test levels of a suite, and tell what failures come from
+    twins: bool = False  # also play the causal twins of the test levels, and tell what failures come from
     num_threads: Count = 1
     portable: bool = False  # play by compiled functions, with the same bits on every processor, instead of by torch
     trust: bool = False  # import the modules that a run folder of somebody else's names

@@ -76,10 +76,11 @@ def draw_level(levels: Levels, renderer: Renderer, size: int = TILE) -> np.ndarr
     Raises:
         SegarError: the renderer is neither a :class:`View` nor an observation of square RGB frames that fit the size.
     """
+    if isinstance(renderer, View):
+        need_pygame("drawing for people")
     env = VectorEnv(levels, 1, observation=renderer if not isinstance(renderer, View) else "state", seed=0)
     observations, _ = env.reset(options={"levels": np.zeros(1, np.int64)})
     if isinstance(renderer, View):
-        need_pygame("drawing for people")
         from segar.rendering.painter import Painter
 
         stage = Stage(levels, env.simulator.world, env.task, renderer.colours)
@@ -147,7 +148,6 @@ def save_png(picture: np.ndarray, path: str | PathLike[str], colours: int | None
     """
     path = Path(path)
     _check_file(path, colours)
-    need("writing pictures", "PIL")
     from PIL import Image
 
     image = Image.fromarray(picture)
@@ -162,6 +162,7 @@ def _check_file(path: Path, colours: int | None) -> None:
         raise SegarError(f"a sheet is a .png, not '{path.name}'; name it '{path.stem}.png'")
     if colours is not None and not 2 <= colours <= MOST_COLOURS:
         raise SegarError(f"a file of few colours has 2 to {MOST_COLOURS} of them, not {colours}")
+    need("writing pictures", "PIL")
 
 
 def _write(picture: Any, font: Any, text: str, left: int, top: int, room: int) -> None:

@@ -46,6 +46,8 @@ def run(chosen: argparse.Namespace) -> None:
     is_video = Path(chosen.output).suffix.lower() in video.FORMATS
     if is_video and (chosen.check or chosen.trials > 1):
         raise SegarError(f"--check and --trials are for datasets, and {chosen.output} is a video; name a dataset")
+    if is_video:
+        video.check_video(Path(chosen.output))
     levels = arguments.sampled_levels(chosen)
     task = arguments.task_named(chosen.task, levels)
     if is_video:
@@ -66,7 +68,7 @@ def run(chosen: argparse.Namespace) -> None:
     )
     answer = {"dataset": dataset.id, "episodes": dataset.total_episodes, "steps": int(dataset.total_steps)}
     if chosen.check:
-        answer["steps_replayed"] = check_replay(dataset, task=task)
+        answer["steps_replayed"] = check_replay(dataset, task=task, world=levels.world)
     arguments.print_answer(chosen, answer, ", ".join(f"{name} {value}" for name, value in answer.items()))
 
 

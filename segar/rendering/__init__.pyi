@@ -7,6 +7,6 @@ from .camera import (
     steps_per_second as steps_per_second,
 )
 from .scene import Figure as Figure, Stage as Stage, View
-from .video import record, write_video as write_video
+from .video import check_video as check_video, record, write_video as write_video
 
 __all__ = ["View", "record"]

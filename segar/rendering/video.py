@@ -50,6 +50,13 @@ def record(
     return write_video(path, _frames(env, policy, seed, options, steps), float(rate))
 
 
+def check_video(path: Path) -> None:
+    """Raise :class:`SegarError` where no video can be written into such a file: ask before what is shown is computed."""
+    if path.suffix.lower() not in FORMATS:
+        raise SegarError(f"a video is .mp4 or .gif, not '{path.name}'.{did_you_mean(path.suffix, FORMATS)}")
+    need("writing videos", "imageio", "imageio_ffmpeg")
+
+
 def write_video(path: str | PathLike[str], frames: Iterable[np.ndarray], fps: float = FRAMES_PER_SECOND) -> int:
     """Write frames, uint8 ``(height, width, 3)``, of even height and width for mp4; return how many there were.
 
@@ -58,9 +65,7 @@ def write_video(path: str | PathLike[str], frames: Iterable[np.ndarray], fps: fl
             written.
     """
     path = Path(path)
-    if path.suffix.lower() not in FORMATS:
-        raise SegarError(f"a video is .mp4 or .gif, not '{path.name}'.{did_you_mean(path.suffix, FORMATS)}")
-    need("writing videos", "imageio", "imageio_ffmpeg")
+    check_video(path)
     import imageio.v2 as imageio
 
     options: dict[str, Any] = {"loop": 0, "duration": 1000 / fps}

@@ -1,6 +1,6 @@
 from .causal_twins import ALL_THAT_DIFFERS as ALL_THAT_DIFFERS, Twin as Twin, Twins as Twins, twins
 from .causes import Cause as Cause, Causes as Causes, causes_of as causes_of, find_causes, looks_like as looks_like
-from .freezing import admission, freeze
+from .freezing import admission, freeze, own_suite
 from .gymnasium_ids import register_suites as register_suites
 from .rules_by_name import RULES as RULES
 from .sides import (
@@ -15,6 +15,6 @@ from .suite_file import Suite as Suite, outline as outline, read_suite, suite
 from .suite_names import AXES as AXES, CORE as CORE, suites
 
 __all__ = [
-    "admission", "evaluate_on_side", "evaluate_on_suite", "find_causes", "freeze", "read_suite", "side_options",
-    "suite", "suites", "twins",
+    "admission", "evaluate_on_side", "evaluate_on_suite", "find_causes", "freeze", "own_suite", "read_suite",
+    "side_options", "suite", "suites", "twins",
 ]  # fmt: skip

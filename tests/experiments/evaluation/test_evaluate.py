@@ -1,5 +1,6 @@
 """Evaluation of a run folder on any levels: what is played, what is written, what is refused."""
 
+import csv
 import json
 import shutil
 import sys
@@ -12,7 +13,7 @@ import pytest
 import segar
 from experiments.algorithms.checkpoint import read_checkpoint
 from experiments.commands.command_line import run_from_command_line
-from experiments.evaluation.evaluator import choose_levels, evaluate, label, mean_returns
+from experiments.evaluation.evaluator import as_played, choose_levels, evaluate, label, mean_returns
 from experiments.runs.run_folder import CHECKPOINT, read_episodes, read_summary
 from experiments.runs.run_rows import run_rows, score_warnings
 from experiments.settings import (
@@ -24,6 +25,7 @@ from experiments.settings import (
     RunFolderError,
 )
 from experiments.training.run import run
+from segar.datasets import check_replay, recipe_of, record
 from segar.evaluation import Baselines, find_baselines
 from tests.experiments.short_runs import killed_after, short_run
 
@@ -86,6 +88,44 @@ def test_where_rules_draw_deterministic_actions_are_repeated_like_sampled_ones(l
         returns = np.reshape([row["return"] for row in rows], (4, 2))
         assert (returns.std(axis=0) > 0).all()
         assert found.summary["players"][mode]["return"] == pytest.approx(returns.mean())
+
+
+@pytest.fixture(scope="module")
+def on_a_raft(tmp_path_factory):
+    """The folder of a finished run in a world of a user's own, with its own task, whose actions go up to 3."""
+    levels = LevelsConfig("tests.raft:calm", test="tests.raft:strong", count=2, test_count=3)
+    return run(short_run(tmp_path_factory.mktemp("raft") / "run", levels=levels), lambda line: None).folder
+
+
+@pytest.mark.usefixtures("plain_source")
+def test_twins_are_of_the_test_levels_of_a_run_or_of_another_distribution(on_a_raft):
+    for levels, n, name in (("test", None, "tests.raft:strong"), ("tests.raft:calm", 2, "tests.raft:calm")):
+        found = evaluate(
+            EvaluateConfig(str(on_a_raft), levels=levels, n=n, twins=True, modes=("deterministic",), **QUICK)
+        )
+        rows = list(csv.DictReader((found.folder / "causes.csv").read_text().splitlines()))
+        assert {row["suite"] for row in rows} == {f"tests.raft:calm to {name}"}
+        differs = [row["group"] for row in rows if row["differs"] == "True"]
+        assert differs == ([] if name == "tests.raft:calm" else ["CurrentStrength"])
+        assert all(row["twins"] == str(n or 3) for row in rows)
+    with pytest.raises(
+        ConfigError, match="twins: causal twins are of levels of a test distribution, and train are none"
+    ):
+        evaluate(EvaluateConfig(str(on_a_raft), levels="train", twins=True, **QUICK))
+
+
+@pytest.mark.usefixtures("plain_source")
+def test_an_agent_is_recorded_with_its_world_and_never_with_actions_of_another_scale(on_a_raft, tmp_path, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    player = as_played(on_a_raft)
+    dataset = record("raft/trained-v0", episodes=3, **player)
+    assert recipe_of(dataset).unit_actions and max(np.abs(episode.actions).max() for episode in dataset) <= 1
+    returns = [row["return"] for row in read_episodes(on_a_raft).to_pylist() if row["levels"] == "test"]
+    np.testing.assert_allclose([episode.rewards.sum() for episode in dataset], returns[:3])
+    same = {"task": player["task"], "observation": player["observation"], "world": player["levels"].world}
+    assert check_replay(dataset, **same) == dataset.total_steps
+    with pytest.raises(ConfigError, match=r"acts in \[-1, 1\].* unit_actions=True"):
+        record("raft/unscaled-v0", episodes=3, **{**player, "unit_actions": False})
 
 
 def test_scores_lie_between_chance_and_the_oracle_on_the_same_levels(trained):

@@ -1,5 +1,6 @@
 """Recordings are Minari datasets that hold what happened, go on after they were killed, and follow from their recipe."""
 
+import importlib.util
 import json
 import shutil
 
@@ -279,8 +280,6 @@ def test_a_trial_is_played_again_by_itself_after_as_many_resets(trembling):
 
 
 def test_a_missing_package_is_named_with_its_extra(levels, monkeypatch):
-    import importlib.util
-
     find = importlib.util.find_spec
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "h5py" else find(name))
     with pytest.raises(segar.SegarError, match=r"recording needs h5py.*pip install 'segar\[datasets\]'"):
@@ -308,6 +307,34 @@ def test_the_command_records_and_checks(capsys):
     assert cli.main(["record", "objectsx1-hard", "-o", "segar/hard-v0", "-n", "3", "--episodes", "5"]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "policy ('script' there, 'uniform' asked for)" in said
+
+
+def test_the_command_checks_a_world_and_a_task_of_ones_own(capsys):
+    command = [
+        "record",
+        "tests.raft:calm",
+        "-o",
+        "raft/calm-v0",
+        "-n",
+        "2",
+        "--episodes",
+        "2",
+        "--observation",
+        "state",
+    ]
+    assert cli.main([*command, "--check", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["steps"] == answer["steps_replayed"]
+
+
+def test_a_missing_package_is_named_before_anything_is_compiled(tmp_path, monkeypatch, capsys):
+    find = importlib.util.find_spec
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "imageio" else find(name))
+    monkeypatch.setattr("segar.envs.VectorEnv.__init__", lambda *arguments, **options: pytest.fail("compiles"))
+    assert cli.main(["record", "empty-easy", "-o", str(tmp_path / "film.gif")]) == 2
+    assert (
+        "writing videos needs imageio, which is not installed: pip install 'segar[render]'" in capsys.readouterr().err
+    )
 
 
 def test_the_command_films_an_episode(tmp_path, capsys):

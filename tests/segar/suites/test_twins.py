@@ -12,8 +12,9 @@ from segar import GolfBall, Gravity, Mass, Position, Prior, UniformNoise
 from segar.errors import LevelError, SegarError, SuiteError
 from segar.levels import hash_of_levels, mechanisms, set_as, with_mechanisms
 from segar.rules import DEFAULT_RULES, apply_friction, record_drag
-from segar.suites import find_causes, freeze, suite, suites, twins
+from segar.suites import find_causes, freeze, own_suite, suite, suites, twins
 from segar.suites.causal_twins import ALL_THAT_DIFFERS, KINDS, LOOK, OTHERS, PLACE, RULES_GROUP
+from tests import raft
 
 LEVELS = 12
 EASY = {
@@ -242,3 +243,36 @@ def test_the_profile_of_causes_is_drawn(made, tmp_path):
         causes_plot(rows, tmp_path / "causes.jpg")
     with pytest.raises(SegarError, match=r"there is no causes.csv below"):
         read_causes(tmp_path)
+
+
+class Tired:
+    """Goes to the pier where the current is weak, and does nothing elsewhere."""
+
+    def begin(self, env):
+        self.env = env
+
+    def __call__(self, seen):
+        is_weak = seen[:, -1:] < 1
+        return self.env.task.scripted_actions(self.env.factors) * is_weak
+
+
+def test_failures_in_a_world_of_ones_own_come_from_what_its_test_changes():
+    of = own_suite(raft.calm, raft.strong, test_levels=8, samples=16, iterations=2)
+    made = twins(of)
+    assert [(one.group, one.differs) for one in made.groups] == [
+        ("CurrentStrength", True), (PLACE, False), (OTHERS, False),
+    ]  # fmt: skip
+    twin = made["CurrentStrength"]
+    assert twin.found.all() and made.replayed("CurrentStrength").all()
+    assert changed_columns(twin, made.test_levels) == {"CurrentStrength"}
+    at = [one.__name__ for one in twin.levels.layout.parameters].index("CurrentStrength")
+    assert (twin.levels.parameters[:, at] < 0.2).all() and (made.test_levels.parameters[:, at] > 6).all()
+    seen = segar.observations.StateVector(parameters=[raft.CurrentStrength])
+    cause, control, _ = find_causes(Tired(), made, observation=seen).causes()
+    assert cause.success_twin == 1 and cause.success_twin - cause.success_level == cause.effect.value > 0
+    assert abs(control.effect.value) < cause.effect.value
+
+
+def test_distributions_of_which_nobody_can_say_what_differs_are_refused():
+    with pytest.raises(SuiteError, match="own: test must be a LevelDistribution, not"):
+        own_suite(raft.calm, raft.strong.sample(2))
