@@ -281,7 +281,8 @@ def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) ->
         seeds = [task.seed for task in waiting if task.suite == name]
         rows.append([name, ", ".join(map(str, seeds)), in_minutes(seconds * len(seeds) / processes)])
     print(table(head, rows))
-    print(f"about {in_minutes(seconds * len(waiting) / processes)} with {processes} at a time", flush=True)
+    beside = f", and as long as {config.policy} itself takes, which only it knows" if config.policy else ""
+    print(f"about {in_minutes(seconds * len(waiting) / processes)} with {processes} at a time{beside}", flush=True)
     if config.dry_run:
         return
     failed = do_all(place / "logs", {one.folder.name: (one, seconds) for one in waiting}, processes, make_piece)

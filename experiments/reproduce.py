@@ -24,6 +24,7 @@ Settings, as name=value (make: ARGS="name=value ..."):
 import dataclasses
 import os
 import shlex
+import statistics
 import sys
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -76,7 +77,6 @@ from experiments.settings import (
 from experiments.tracking.mlflow_store import is_server
 from experiments.train import train
 
-ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time spent so far predicts the rest
 Work = RunTask | StudyTask
 
 
@@ -243,15 +243,15 @@ def do_all(
     """
     jobs = [Job(name, one, logs / f"{name}.log") for name, (one, _) in waiting.items()]
     left = {name: seconds for name, (_, seconds) in waiting.items()}
-    total, began = sum(left.values()), time.monotonic()
+    times = [1.0]  # what was expected, and of each task that ended, how many times that it took
 
     def end(outcome: JobResult) -> None:
-        del left[outcome.job.name]
+        expected = left.pop(outcome.job.name)
         bar.update()
-        share, spent = sum(left.values()) / total if total else 0.0, time.monotonic() - began
-        # The first tasks also load libraries and compile kernels, so that their speed says little.
-        seconds = spent * share / (1 - share) if share < ENOUGH_LEFT else share * total / processes
-        rest = f"about {in_minutes(seconds)} left" if share else "all done"
+        times.append(outcome.seconds / expected if expected and outcome.error is None else 1.0)
+        # The median, because the first tasks also load libraries and compile kernels.
+        seconds = sum(left.values()) * statistics.median(times) / processes
+        rest = f"about {in_minutes(seconds)} left" if left else "all done"
         bar.write(f"[{len(jobs) - len(left)}/{len(jobs)}] {ending(outcome)}; {rest}", file=sys.stdout)
         sys.stdout.flush()
 

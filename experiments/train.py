@@ -4,8 +4,11 @@ Settings: ``python -m experiments.train --help``. Several runs: ``--multirun see
 ``hydra/launcher=joblib``.
 """
 
+from collections.abc import Sequence
+
 from experiments.commands.hydra_app import run_command
 from experiments.commands.kernels import choose_kernels
+from experiments.runs.run_folder import runs_root
 from experiments.settings import RunConfig
 
 
@@ -17,5 +20,12 @@ def train(config: RunConfig) -> dict[str, float]:
     return {key: value for key, value in run(config).summary.items() if isinstance(value, float)}
 
 
+def announce(runs: Sequence[RunConfig], number: int) -> None:
+    """Prints what a sweep is going to do, before its first run: how many runs, how long, and where they lie."""
+    from experiments.reproduction.plan import measure_speeds, sweep_as_text
+
+    print(sweep_as_text(runs, number, measure_speeds(runs_root(runs[0]))), flush=True)
+
+
 if __name__ == "__main__":
-    run_command(train)
+    run_command(train, announce=announce)

@@ -42,6 +42,12 @@ WITH_OPTIONS = ("task", "observation")
 a ``+``."""
 
 
+# For conf/config.yaml; when the module is imported, because the workers of launchers read that file's settings, too.
+OmegaConf.register_new_resolver(
+    "runs_root", lambda root: str(Path(root or CHECKOUT / "runs").expanduser()), replace=True
+)
+
+
 def conf_dir() -> Path:
     """Absolute path of the configuration: $SEGAR_CONF, else ``conf/`` of the checkout."""
     return Path(os.environ.get("SEGAR_CONF") or CHECKOUT / "conf").resolve()

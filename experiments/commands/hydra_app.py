@@ -6,7 +6,7 @@ import select
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from itertools import dropwhile
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,13 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict
 
 from experiments.commands.config_store import conf_dir, register_settings
 from experiments.commands.overrides import (
     OWN_NAMES,
     explain_overrides,
+    number_of_runs,
     single_runs,
     with_own_names,
     with_search_path,
@@ -66,6 +67,7 @@ def run_command(
     build: Callable[[DictConfig], Any] | None = None,
     settings: Mapping[str, Any] | None = None,
     about: Callable[[], str] | None = None,
+    announce: Callable[[Sequence[Any], int], None] | None = None,
 ) -> None:
     """Runs ``task`` with the settings of the command line, under Hydra (so ``--multirun`` works).
 
@@ -76,6 +78,7 @@ def run_command(
         build: makes the argument of ``task`` from Hydra's result; None makes a :class:`RunConfig`.
         settings: defaults beyond those of a :class:`RunConfig`, known to Hydra as ``base_<config_name>``.
         about: what ``--help`` prints in place of Hydra's text.
+        announce: tells what a sweep is going to do: it gets arguments of ``task`` for some of its runs, and how many there are.
     """
     if about is not None and {"-h", "--help"} & {*sys.argv[1:]}:
         print(about())
@@ -97,7 +100,10 @@ def run_command(
     try:
         with errors_as_messages():
             sys.argv[1:] = without_passwords(with_own_names(sys.argv[1:]))
-            check_command_line(config_name)
+            configs, number = check_command_line(config_name)
+            if announce is not None and number:
+                with suppress(SegarError):  # a run whose settings are wrong says so itself, and the others go on
+                    announce([(build or build_run)(one) for one in configs], number)
             hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
     except SystemExit:
         if len(failed) > 1:
@@ -108,8 +114,12 @@ def run_command(
         sys.exit(128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT))
 
 
-def check_command_line(config_name: str) -> None:
-    """Raises :class:`ConfigError` for a name on the command line that no setting, choice or module has, before a run begins."""
+def check_command_line(config_name: str) -> tuple[list[DictConfig], int]:
+    """Raises :class:`ConfigError` for a name on the command line that no setting, choice or module has, before a run begins.
+
+    Returns:
+        Hydra's results for runs with all choices of a sweep, and how many runs it has; 0 if it is none, or nobody knows.
+    """
     told = [*dropwhile(lambda one: not is_setting(one), sys.argv[1:])]
     if rest := [one for one in dropwhile(is_setting, told) if is_setting(one)]:
         raise ConfigError(
@@ -120,12 +130,20 @@ def check_command_line(config_name: str) -> None:
     parser.add_argument("--config-name", "-cn")
     arguments, rest = parser.parse_known_args()
     if {*SHOWS} & {*rest}:
-        return
+        return [], 0
     settings = [one for one in rest if is_setting(one)]
     folders = [f"file://{Path(arguments.config_dir).resolve()}"] if arguments.config_dir else []
+    name, found = arguments.config_name or config_name, []
     with initialized():
-        for overrides in single_runs(with_search_path(settings, folders)):
-            check_own_objects(compose_data(overrides, arguments.config_name or config_name))
+        for overrides in single_runs(asked := with_search_path(settings, folders)):
+            found.append(config := compose_data(overrides, name, with_hydra=True))
+            with open_dict(config):
+                about = config.pop("hydra")
+            check_own_objects(config)
+    if about.mode is not RunMode.MULTIRUN and not {"--multirun", "-m"} & {*rest}:
+        return found, 0
+    swept = about.sweeper.get("params") or {}
+    return found, number_of_runs([*(f"{key}={value}" for key, value in swept.items()), *asked])
 
 
 def is_setting(argument: str) -> bool:
@@ -159,10 +177,10 @@ def initialized() -> AbstractContextManager[Any]:
     return hydra.initialize_config_dir(str(conf_dir()), version_base="1.3")
 
 
-def compose_data(overrides: Sequence[str], config_name: str) -> DictConfig:
-    """Hydra's result; raises :class:`ConfigError` that names the culprit."""
+def compose_data(overrides: Sequence[str], config_name: str, with_hydra: bool = False) -> DictConfig:
+    """Hydra's result, with the settings of Hydra if they are wanted; raises :class:`ConfigError` that names the culprit."""
     try:
-        return hydra.compose(config_name, list(overrides))
+        return hydra.compose(config_name, list(overrides), return_hydra_config=with_hydra)
     except CompactHydraException as error:
         raise ConfigError(explain_overrides(error, overrides, config_name)) from error
 

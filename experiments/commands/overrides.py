@@ -1,5 +1,6 @@
 """The overrides of a command line: which runs a sweep consists of, and which override is wrong and why."""
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -27,7 +28,7 @@ from segar.suites import suites
 SEARCH_PATH = "hydra.searchpath"
 # The setting that takes the name of an own object where a group of choices is given one.
 OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "observation.name"}
-SUITE = "suite"
+SUITE, FRAMES = "suite", "scale.frames"
 # One value of a list with commas between them, which may be in quotation marks.
 VALUE = re.compile(r"""\s*'(?:[^'\\]|\\.)*'\s*|\s*"(?:[^"\\]|\\.)*"\s*|[^,]+""")
 # Further settings that may name an own object.
@@ -128,11 +129,18 @@ def with_search_path(overrides: Sequence[str], places: Sequence[str]) -> list[st
 
 
 def single_runs(overrides: Sequence[str]) -> list[list[str]]:
-    """Lists of overrides without sweeps that together name every swept choice of a group and every swept own object; of other
-    sweeps, one value."""
+    """Lists of overrides without sweeps that together name every swept choice of a group, every swept own object and number of
+    frames; of other sweeps, one value."""
     alternatives = [alternatives_of(one) for one in parse(overrides)] or [[text] for text in overrides]
     found = [one for one in alternatives if one]
-    return [[one[min(i, len(one) - 1)] for one in found] for i in range(max(map(len, found), default=1))]
+    return [[one[i % len(one)] for one in found] for i in range(max(map(len, found), default=1))]
+
+
+def number_of_runs(overrides: Sequence[str]) -> int:
+    """How many runs a sweep has; 0 where values are not listed, as in a glob or where another program chooses them."""
+    swept = [one for one in parse(overrides) if one.is_sweep_override()]
+    listed = all(one.is_discrete_sweep() and not isinstance(one.value(), Glob) for one in swept)
+    return math.prod(len([*one.sweep_string_iterator()]) for one in swept) if listed else 0
 
 
 def alternatives_of(override: Override) -> list[str]:
@@ -142,7 +150,7 @@ def alternatives_of(override: Override) -> list[str]:
     if not override.is_discrete_sweep() or isinstance(override.value(), Glob):
         return []
     values = [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
-    return values if is_choice(override) or override.key_or_group in OWN_NAMES.values() else values[:1]
+    return values if is_choice(override) or override.key_or_group in (*OWN_NAMES.values(), FRAMES) else values[:1]
 
 
 def explain_overrides(error: CompactHydraException, overrides: Sequence[str], config_name: str) -> str:

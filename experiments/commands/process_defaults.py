@@ -21,6 +21,7 @@ ENVIRONMENT = {
     "DO_NOT_TRACK": "true",  # MLflow does not understand "1" here
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",  # of every run, when it ends
     "RL_WARNINGS": "0",  # torchrl's, about its optional C++ extension
+    "RL_LOGGING_LEVEL": "WARNING",  # below, torchrl tells in colours what it allocates, in logs, too
     "POT_BACKEND_DISABLE_PYTORCH": "1",  # else `import ot` imports torch
     # OpenMP's threads sleep when they have nothing to do. By default they spin, and where other processes want the cores,
     # too, each waits for one that is not running: two threads were then 20 times slower than sleeping ones. GNU's, which

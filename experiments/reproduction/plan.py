@@ -7,6 +7,7 @@ import statistics
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -35,17 +36,20 @@ from experiments.runs.run_folder import (
     read_config,
     read_summary,
     run_folders,
+    runs_root,
 )
 from experiments.settings import ConfigError, RunConfig, ScaleConfig, as_data, grid_point
 from experiments.settings.run import digest
 from segar.cli import table
 from segar.levels import REST, SEPARATOR
+from segar.support import counted
 
 # [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.
 ASSUMED_SPEED = {
     "state": 6000.0, "pixels": 1800.0, "auxiliary": 900.0, "recurrent": 700.0, "impala": 250.0, "off-policy": 40.0,
 }  # fmt: skip
 ASSUMED_EVALUATION = 8.0  # [s] per run
+ASSUMED_PREPARATION = 5.0  # [s] per run, where its kernel is compiled already
 ASSUMED_PROBING = 60.0  # [s] per run
 TRANSFER_SHARE = 0.5  # of a run's evaluation, which has two level sets instead of one
 STUDY_SECONDS = 30.0
@@ -95,12 +99,13 @@ class Changed:
 
     def __str__(self) -> str:
         """How many there are, what changed, and which is the first of them."""
-        kinds = {"finished runs": self.finished, "unfinished runs": self.unfinished, "transfers": self.tested}
-        counts = [f"{len(found)} {kind}" for kind, found in kinds.items() if found]
+        kinds = {"finished run": self.finished, "unfinished run": self.unfinished, "transfer": self.tested}
+        counts = [counted(len(found), kind) for kind, found in kinds.items() if found]
         names = sorted({part for found in kinds.values() for parts in found.values() for part in parts})
         places = [*self.finished, *self.unfinished, *("/".join((run, EVALUATIONS, one)) for run, one in self.tested)]
+        made = "was made" if counts[0].startswith("1 ") and len(counts) == 1 else "were made"
         return (
-            f"{' and '.join(counts)} were made by other code than this; changed since: {', '.join(names)}. The first of them"
+            f"{' and '.join(counts)} {made} by other code than this; changed since: {', '.join(names)}. The first of them"
             f" is {places[0]}"
         )
 
@@ -254,16 +259,30 @@ class Speeds:
     evaluation: Mapping[tuple[str, str], float]
     measured: int  # runs
     probing: Mapping[tuple[str, str, str], float] = field(default_factory=dict)  # seconds; also by the probes' settings
+    preparation: Mapping[tuple[str, str], float] = field(default_factory=dict)  # seconds before the first frame
 
     def seconds(self, work: RunTask) -> float:
         """How long the rest of a run takes, in seconds, if it runs alone."""
-        run, kind = work.run, kind_of(work.run)
-        evaluation = self.evaluation.get(kind, ASSUMED_EVALUATION)
+        evaluation = self.evaluation.get(kind_of(work.run), ASSUMED_EVALUATION)
         left = len(work.transfers_left()) * TRANSFER_SHARE * evaluation
         left += self.seconds_of_probes(work)
-        if is_finished(folder_path(run)) and not work.is_anew():
+        if is_finished(folder_path(work.run)) and not work.is_anew():
             return left
-        return left + evaluation + work.frames_left() / self.frames.get(kind, assumed_speed(run))
+        return left + self.seconds_of_run(work.run, work.frames_left())
+
+    def seconds_of_run(self, run: RunConfig, frames: int) -> float:
+        """How long a run takes for its preparation, so many frames, and its evaluation, in seconds."""
+        kind = kind_of(run)
+        fixed = self.preparation.get(kind, ASSUMED_PREPARATION) + self.evaluation.get(kind, ASSUMED_EVALUATION)
+        return fixed + frames / self.frames.get(kind, assumed_speed(run))
+
+    def basis(self, runs: Iterable[RunConfig]) -> str:
+        """What the times of these runs were measured on, in words."""
+        unknown = {kind_of(run) for run in runs} - {*self.frames}
+        if not unknown:
+            return f"by {counted(self.measured, 'finished run')} here"
+        named = f" for {', '.join('/'.join(kind) for kind in sorted(unknown))}" if self.measured else ""
+        return f"by assumed speeds{named}, and without the time in which new kernels are compiled"
 
     def seconds_of_probes(self, work: RunTask) -> float:
         """How long the probes of a run take, in seconds; 0 where they are done or not wanted."""
@@ -291,8 +310,10 @@ def measure_speeds(root: Path) -> Speeds:
     frames: dict[tuple[str, str], list[float]] = {}
     evaluation: dict[tuple[str, str], list[float]] = {}
     probing: dict[tuple[str, str, str], list[float]] = {}
+    preparation: dict[tuple[str, str], list[float]] = {}
     for folder in run_folders(root):
-        hosts = {entry.get("host") for entry in read_journal(folder) if "host" in entry}
+        journal = read_journal(folder)
+        hosts = {entry.get("host") for entry in journal if "host" in entry}
         if not is_finished(folder) or hosts != {socket.gethostname()}:
             continue
         summary, kind = read_summary(folder), kind_of(read_config(folder))
@@ -300,10 +321,15 @@ def measure_speeds(root: Path) -> Speeds:
             frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
         if "evaluation_seconds" in summary:
             evaluation.setdefault(kind, []).append(summary["evaluation_seconds"])
+        if [entry["event"] for entry in journal] == ["started", "finished"]:
+            begun, ended = (datetime.fromisoformat(entry["time"]) for entry in journal)
+            took = (ended - begun).total_seconds() - summary["seconds"] - summary["evaluation_seconds"]
+            preparation.setdefault(kind, []).append(max(took, 0.0))
         about = read_about(folder)
         if about is not None:
             probing.setdefault((*kind, digest(about["asked"])), []).append(about["seconds"])
-    return Speeds(medians(frames), medians(evaluation), sum(map(len, frames.values())), medians(probing))
+    measured = sum(map(len, frames.values()))
+    return Speeds(medians(frames), medians(evaluation), measured, medians(probing), medians(preparation))
 
 
 def medians(found: Mapping[Any, Sequence[float]]) -> dict[Any, float]:
@@ -335,25 +361,31 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
     waiting = [work for work in plan.runs if not work.is_done()]
     studies = [study for study in plan.studies if not is_study_done(study)]
     total = sum(map(speeds.seconds, waiting)) + STUDY_SECONDS * len(studies)
-    known = {kind for kind in (kind_of(work.run) for work in waiting) if kind not in speeds.frames}
-    basis = f"{speeds.measured} finished runs here" if not known else "assumed speeds" + (
-        f" for {', '.join('/'.join(kind) for kind in sorted(known))}" if speeds.measured else ""
-    )  # fmt: skip
     probing = sum(map(speeds.seconds_of_probes, waiting)) / processes
     closing = (
-        f"{scale.name}: {len(plan.runs)} runs, {len(plan.runs) - len(waiting)} done, {len(waiting)} to do with "
+        f"{scale.name}: {counted(len(plan.runs), 'run')}, {len(plan.runs) - len(waiting)} done, {len(waiting)} to do with "
         f"{sum(map(RunTask.frames_left, waiting)):,} frames, {sum(map(RunTask.needs_probing, waiting))} to probe"
         f"{f' ({in_minutes(probing)})' if probing else ''}; {len(studies)} of {len(plan.studies)} studies to do; "
-        f"about {in_minutes(total / processes)} with {processes} at a time (by {basis})."
+        f"about {in_minutes(total / processes)} with {processes} at a time ({speeds.basis(work.run for work in waiting)})."
     )
     idle = [work.run.label() for work in waiting if work.run.takes_no_step()]
     warning = (
-        f"warning: {len(idle)} runs stay untrained, such as {idle[0]}: scale.frames are one rollout or less, and"
+        f"warning: {counted(len(idle), 'run')} stay untrained, such as {idle[0]}: scale.frames are one rollout or less, and"
         " algorithm.anneal lowers the learning rate to 0 in the last one. Give more frames, or algorithm.anneal=false"
     ) if idle else ""  # fmt: skip
     claims = (line for one in plan.experiments for line in untestable_claims(one, plan.members[one.name]))
     more = (*sharing(waiting, processes), *claims, warning, plan.other_code)
     return "\n".join([table(head, rows), closing, *filter(None, more)])
+
+
+def sweep_as_text(runs: Sequence[RunConfig], number: int, speeds: Speeds) -> str:
+    """What a sweep of so many runs trains, where, and how long it takes, by some of its runs."""
+    frames = statistics.mean(run.scale.frames for run in runs)
+    seconds = number * statistics.mean(speeds.seconds_of_run(run, run.scale.frames) for run in runs)
+    return (
+        f"sweep: {counted(number, 'run')} of {frames:,.0f} frames, in {runs_root(runs[0])}; about {in_minutes(seconds)}, one"
+        f" after the other ({speeds.basis(runs)}). Those that finished before are not trained again"
+    )
 
 
 def sharing(waiting: Sequence[RunTask], processes: int) -> list[str]:

@@ -1,4 +1,4 @@
-"""Progress of a run: a bar on a terminal; a line every :data:`LINE_INTERVAL` seconds where there is none."""
+"""Progress of a run: a bar on a terminal; where there is none, a line soon and then every :data:`LINE_INTERVAL` seconds."""
 
 import sys
 import time
@@ -7,7 +7,7 @@ from typing import TextIO
 
 from tqdm import tqdm
 
-LINE_INTERVAL = 15.0  # [s]
+LINE_INTERVAL, FIRST_LINE = 15.0, 2.0  # [s] after training has begun; from then on, how fast it is can be said
 
 
 class Progress:
@@ -16,8 +16,8 @@ class Progress:
     def __init__(self, label: str, total: int, done: int, *, shown: bool, stream: TextIO | None = None) -> None:
         self.label, self.total, self.frames, self.shown = label, total, done, shown
         self.stream = stream or sys.stderr
-        self.started, self.first = time.monotonic(), done
-        self.last_line = self.started
+        self.since, self.first = time.monotonic(), done  # of the last line, or of the start
+        self.next_line = self.since + FIRST_LINE
         self.bar = None
         if shown and self.stream.isatty():
             self.bar = tqdm(
@@ -34,8 +34,7 @@ class Progress:
             if text:
                 self.bar.set_postfix_str(text, refresh=False)
             self.bar.update(advance)
-        elif self.shown and time.monotonic() - self.last_line > LINE_INTERVAL:
-            self.last_line = time.monotonic()
+        elif self.shown and time.monotonic() > self.next_line:
             left = max(self.total - frames, 0) / max(self.rate(), 1e-9)
             print(
                 f"{self.label}: {frames:,} of {self.total:,} frames, {self.rate():,.0f} frames/s, {text}, "
@@ -43,10 +42,12 @@ class Progress:
                 file=self.stream,
                 flush=True,
             )
+            self.since, self.first = time.monotonic(), frames
+            self.next_line = self.since + LINE_INTERVAL
 
     def rate(self) -> float:
-        """Frames per second since the start."""
-        return (self.frames - self.first) / max(time.monotonic() - self.started, 1e-9)
+        """Frames per second since the last line, as what comes first may be faster or slower."""
+        return (self.frames - self.first) / max(time.monotonic() - self.since, 1e-9)
 
     def close(self) -> None:
         """Removes the bar."""

@@ -53,7 +53,7 @@ from .npz import (
 )
 from .optimal_transport import emd as emd, plan_of as plan_of, pot as pot
 from .stopping import Stopped as Stopped, end_of_part as end_of_part, stoppable as stoppable
-from .text_table import aligned as aligned
+from .text_table import aligned as aligned, counted as counted
 from .threads import Team as Team
 from .version import __version__ as __version__
 from .whole_numbers import is_whole as is_whole

@@ -20,6 +20,7 @@ from segar.support import keep_beside, replacing
 
 FOLDER = "SEGAR_CACHE_DIR"  # the variable that names the folder
 MACHINE_CODE = "__pycache__"  # where numba keeps it, beside the kernels
+COMPILED = f"{MACHINE_CODE}/*.advance-*.nbi"
 OWN, OTHERS_WRITE = 0o700, stat.S_IWGRP | stat.S_IWOTH
 _loaded: dict[str, ModuleType] = {}
 
@@ -114,7 +115,7 @@ def load_module(text: str) -> ModuleType:
     )  # not the loader, whose file of bytecode may be damaged
     if hasattr(module, "advance"):
         if not is_compiled(path):
-            print(f"segar: compiling kernel {name[2:6]} (first time, about 10 s)", file=sys.stderr, flush=True)
+            print(f"segar: compiling kernel {name[2:6]} (first time, {usual_time()})", file=sys.stderr, flush=True)
         keep_beside(module.advance)
     else:  # what kernels share: each function is kept by itself
         for function in vars(module).values():
@@ -122,6 +123,13 @@ def load_module(text: str) -> ModuleType:
                 keep_beside(function)
     _loaded[name] = module
     return module
+
+
+def usual_time() -> str:
+    """How long compiling takes, in words: the median of the kernels in the folder, by the times of their two files."""
+    kernels = {path: cache_folder() / f"{path.name.partition('.')[0]}.py" for path in cache_folder().glob(COMPILED)}
+    took = sorted(path.stat().st_mtime - text.stat().st_mtime for path, text in kernels.items() if text.exists())
+    return f"about {took[len(took) // 2]:.0f} s, as others here" if took else "some 10 s or more"
 
 
 def is_compiled(path: Path) -> bool:

@@ -76,7 +76,9 @@ def kept_intermediate_code(entries: Sequence[Entry]) -> list[dict[str, Any]]:
     new = [k for k, one in enumerate(found) if one is None]
     if new:
         names = ", ".join(entries[k].name for k in new)
-        print(f"segar: compiling {names} for other targets (first time, about 10 s)", file=sys.stderr, flush=True)
+        print(
+            f"segar: compiling {names} for other targets (first time, some 10 s or more)", file=sys.stderr, flush=True
+        )
     for k, one in zip(new, intermediate_code([entries[k] for k in new]) if new else (), strict=True):
         found[k] = one
         content = zlib.compress(json.dumps(one).encode())

@@ -9,9 +9,17 @@ import pytest
 import yaml
 
 from experiments.commands.config_store import register_settings
-from experiments.commands.hydra_app import check_command_line, compose, compose_data, initialized, to_plain
+from experiments.commands.hydra_app import (
+    build_run,
+    check_command_line,
+    compose,
+    compose_data,
+    initialized,
+    to_plain,
+)
 from experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
 from experiments.levels.builders import levels_in
+from experiments.reproduction.plan import Speeds, sweep_as_text
 from experiments.runs.run_folder import read_config, run_folders
 from experiments.settings import CHECKOUT, KINDS, ConfigError, as_data, run_config
 from tests.experiments.short_runs import COMMAND, run_module
@@ -180,6 +188,21 @@ def test_a_sweep_is_checked_for_every_choice_and_one_value_of_other_settings():
     with initialized():
         runs = single_runs(["algorithm=sac,ppo", "seed=range(1,4)", "levels.count=3", "algorithm.gamma=interval(0,1)"])
     assert runs == [["algorithm=sac", "seed=1", "levels.count=3"], ["algorithm=ppo", "seed=1", "levels.count=3"]]
+
+
+def test_a_sweep_is_told_with_the_number_of_its_runs_and_what_decides_their_time(monkeypatch):
+    register_settings()
+    monkeypatch.setattr(
+        "sys.argv", ["train", "+sweep=demo", "scale.frames=range(10,12)", "levels=empty-easy,billiards"]
+    )
+    configs, number = check_command_line("config")
+    runs = [build_run(one) for one in configs]
+    assert number == 4 * 2 * 2 and {run.scale.frames for run in runs} == {10, 11}
+    told = sweep_as_text(runs, number, Speeds({}, {}, 0))
+    assert told.startswith("sweep: 16 runs of 10 frames, in ") and "by assumed speeds" in told
+    for values in ("interval(1,2)", "1"):  # another program chooses the values; no sweep
+        monkeypatch.setattr("sys.argv", ["train", f"seed={values}", *["--multirun"] * (values != "1")])
+        assert check_command_line("config")[1] == 0
 
 
 def test_a_search_path_is_added_to_the_one_that_is_stated():

@@ -40,6 +40,7 @@ def test_runs_side_by_side_and_the_same_sweep_again_trains_nothing(tmp_path):
     done = sweep(tmp_path, *asked)
     assert done.returncode == 0, done.stderr
     assert seeds(tmp_path / "runs") == [1, 2]
+    assert done.stdout.startswith(f"sweep: 2 runs of 256 frames, in {tmp_path / 'runs'}; about ")
     one, other = map(read_summary, run_folders(tmp_path / "runs"))
     assert one != other
     before = {folder: (folder / CHECKPOINT).stat().st_mtime_ns for folder in run_folders(tmp_path / "runs")}
@@ -62,10 +63,16 @@ def test_submitit_runs_a_sweep_and_puts_a_run_back_into_its_queue_when_time_is_u
         until(lambda: [entry["event"] for entry in read_journal(folder)] == ["started", "stopped", "started"])
         stopped = read_journal(folder)[1]
         assert stopped["error"].startswith("SystemExit") and stopped["frames"] > 0
-        log = "".join(path.read_text() for path in (tmp_path / "multirun").rglob("*_log.err"))
+        log = "".join(path.read_text() for path in (tmp_path / "runs" / "multirun").rglob("*_log.err"))
         assert "this job is preempted" in log
-        again = until(lambda: "".join(p.read_text() for p in (tmp_path / "multirun").rglob("*_log.out")) or None)
-        until(lambda: "goes on from" in "".join(p.read_text() for p in (tmp_path / "multirun").rglob("*_log.out")))
+        again = until(
+            lambda: "".join(p.read_text() for p in (tmp_path / "runs" / "multirun").rglob("*_log.out")) or None
+        )
+        until(
+            lambda: (
+                "goes on from" in "".join(p.read_text() for p in (tmp_path / "runs" / "multirun").rglob("*_log.out"))
+            )
+        )
         assert again
     finally:
         os.killpg(process.pid, signal.SIGKILL)

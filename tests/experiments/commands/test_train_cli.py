@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from experiments.runs.run_folder import read_config, read_summary
+from experiments.runs.run_folder import read_config, read_summary, run_folders
 from experiments.settings import CHECKOUT
 from tests.experiments.runs.test_run_folder import FILES
 from tests.experiments.short_runs import run_module
@@ -58,7 +58,8 @@ def test_a_sweep_with_wrong_runs_finishes_the_others_and_names_all(tmp_path, els
     assert "error: levels.count: 0 is not allowed; it must be at least 1" in done.stderr
     assert "2 runs of the sweep went wrong. The others:\nlevels.count: -1 is not allowed" in done.stderr
     assert "Traceback" not in done.stderr
-    (folder,) = (tmp_path / "runs").iterdir()
+    (folder,) = run_folders(tmp_path / "runs")
+    assert not [*elsewhere.iterdir()]
     assert read_config(folder).levels.count == 1
 
 

@@ -128,7 +128,7 @@ def test_transfers_of_other_code_are_refused_kept_or_made_anew_without_their_run
     other = {**first.code(work.run), "levels": "another"}
     write_json(first.folder(work.run) / SUMMARY, {"code": other})
     told = (
-        f"1 transfers were made by other code than this; changed since: levels. The first of them is {work.run.label()}"
+        f"1 transfer was made by other code than this; changed since: levels. The first of them is {work.run.label()}"
     )
     with pytest.raises(ConfigError, match=f"^{told}/evaluations/{first.folder_name()}. stale=anew"):
         plan_of(tmp_path, **files)
@@ -167,7 +167,7 @@ def test_an_unfinished_run_of_other_code_is_refused_before_others_are_trained(tm
     plan_of(tmp_path, main=MAIN)  # nothing is trained yet
     (folder / CHECKPOINT).parent.mkdir()
     (folder / CHECKPOINT).touch()
-    with pytest.raises(ConfigError, match="1 unfinished runs were made by other code than this; changed since: kernel"):
+    with pytest.raises(ConfigError, match="1 unfinished run was made by other code than this; changed since: kernel"):
         plan_of(tmp_path, main=MAIN)
 
 
@@ -186,12 +186,19 @@ def test_speeds_are_medians_of_what_this_machine_ran(tmp_path):
     ):
         folder = write_run(work.run)
         write_json(folder / SUMMARY, {"frames": 1000, "seconds": seconds, "evaluation_seconds": 5.0})
-        (folder / JOURNAL).write_text(json.dumps({"event": "started", "host": host}) + "\n")
+        events = [
+            ("started", "2026-01-01T12:00:00+00:00"),
+            ("finished", f"2026-01-01T12:00:{int(seconds) % 60 + 8:02}+00:00"),
+        ]
+        lines = [json.dumps({"event": event, "host": host, "time": time}) + "\n" for event, time in events]
+        (folder / JOURNAL).write_text("".join(lines))
     speeds = measure_speeds(tmp_path)
     kind = (plan.runs[0].run.algorithm.name, plan.runs[0].run.observation.name)
     assert (speeds.measured, speeds.frames[kind]) == (3, 500.0)
     fresh = dataclasses.replace(plan.runs[0], run=dataclasses.replace(plan.runs[0].run, seed=9))
-    assert speeds.seconds(fresh) == pytest.approx(1000 / 500 + 5)
+    assert speeds.preparation[kind] == 3.0
+    assert speeds.seconds(fresh) == pytest.approx(3 + 1000 / 500 + 5)
+    assert speeds.basis([fresh.run]) == "by 3 finished runs here"
 
 
 def test_the_plan_says_what_is_shared_done_and_left(tmp_path):
@@ -201,7 +208,9 @@ def test_the_plan_says_what_is_shared_done_and_left(tmp_path):
     assert lines[1].split()[:6] == ["main", "-", "4", "-", "1", "3,000"]
     assert lines[2].split() == ["again", "-", "4", "4", "1", "0", "-", "-"]
     assert lines[3].startswith("quick: 4 runs, 1 done, 3 to do with 3,000 frames, 0 to probe; 0 of 0 studies to do")
-    assert lines[3].endswith("with 2 at a time (by assumed speeds).")
+    assert lines[3].endswith(
+        "with 2 at a time (by assumed speeds, and without the time in which new kernels are compiled)."
+    )
     assert folder_path(plan.runs[0].run).parent == tmp_path
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from segar.engine.compiler import kernel_cache as cache
 from segar.engine.compiler.kernel import generate
-from segar.engine.compiler.kernel_cache import cache_folder, load_module
+from segar.engine.compiler.kernel_cache import cache_folder, load_module, usual_time
 from segar.engine.simulator import Simulator, StepResult
 from segar.errors import SegarError
 from segar.language.effects import SetFactor
@@ -88,6 +88,17 @@ def test_the_same_text_is_one_file_and_one_module(folder, capsys):
     assert capsys.readouterr().err == ""  # what is compiled is told, and only an entry is
     load_module(KERNEL)
     assert capsys.readouterr().err.count("segar: compiling kernel") == 1
+
+
+def test_how_long_compiling_takes_is_said_by_the_kernels_that_were_compiled_here(folder):
+    assert usual_time() == "some 10 s or more"
+    (folder / "__pycache__").mkdir(parents=True)
+    for name, seconds in (("k1", 17), ("k2", 24), ("k3", 4000)):
+        files = (folder / f"{name}.py", folder / "__pycache__" / f"{name}.advance-1.py311-checked.nbi")
+        for file, time in zip(files, (1000, 1000 + seconds), strict=True):
+            file.touch()
+            os.utime(file, (time, time))
+    assert usual_time() == "about 24 s, as others here"
 
 
 def test_an_edited_or_damaged_kernel_file_is_written_again(folder, monkeypatch):
