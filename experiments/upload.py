@@ -63,6 +63,8 @@ def upload_run(folder: Path, uri: str | None = None) -> str:
     config = read_config(folder)
     if uri is not None:
         config = dataclasses.replace(config, tracking=dataclasses.replace(config.tracking, name="mlflow", uri=uri))
+    if config.folder is None:  # it lies under its root, wherever that is now
+        config = dataclasses.replace(config, root=str(folder.parent))
     if config.tracking.name == "none":
         return "it was run without MLflow; uri=... names a store"
     with lock(folder):

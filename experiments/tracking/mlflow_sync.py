@@ -18,13 +18,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.runs.run_folder import EPISODES, PLAYED, REPLACED, SUMMARY, SYNC_STATE, runs_root, write_json
+from experiments.runs.run_folder import (
+    EPISODES,
+    LEVELS_TEST,
+    LEVELS_TRAIN,
+    PLAYED,
+    REPLACED,
+    SUMMARY,
+    SYNC_STATE,
+    VERSIONS,
+    read_versions,
+    runs_root,
+    write_json,
+)
 from experiments.settings import RunConfig, flat, grid_point, without_password
 from experiments.tracking.mlflow_store import calling, open_store, store_uri
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
-    from mlflow.entities import Metric
+    from mlflow.entities import DatasetInput, Metric
 
 BATCH = 1000  # metrics in one call, at most; MLflow's limit
 UNNAMEABLE = re.compile(r"[^/\w.\- :]")  # characters that the names of metrics cannot have; a task's results may
@@ -128,15 +140,38 @@ class RunSync:
 
     def _find_or_create(self, client: MlflowClient, experiment: str) -> str:
         from mlflow.entities import Param, RunTag
+        from mlflow.tracking.context.registry import resolve_tags
 
-        tags = {**tags_of(self.config), "run_folder": str(self.folder), "begun": str(self.state.begun)}
+        made = read_versions(self.folder) if (self.folder / VERSIONS).exists() else {}
+        tags = {
+            **resolve_tags(),
+            "mlflow.source.name": "experiments.train",
+        }  # MLflow's own: the user, the kind of the source
+        if made.get("git"):
+            tags["mlflow.source.git.commit"] = made["git"]["commit"]
+        tags |= {**tags_of(self.config), "run_folder": str(self.folder), "begun": str(self.state.begun)}
         query = " and ".join(f"tags.{name} = '{tags[name]}'" for name in ("run_folder", "begun"))
         found = client.search_runs([experiment], query, max_results=1)
         run = found[0] if found else client.create_run(experiment, self.state.begun, tags, self.config.label())
         run_id = run.info.run_id
         parameters = [Param(k, str(v)[:VALUE_LENGTH]) for k, v in flat(self.config.identity()).items()]
         client.log_batch(run_id, params=parameters, tags=[RunTag(k, v) for k, v in tags.items()])
+        client.log_inputs(run_id, self._datasets(made.get("levels", {})))
         return run_id
+
+    def _datasets(self, hashes: Mapping[str, str]) -> list[DatasetInput]:
+        """The level sets of the run, as MLflow shows what a run was made from."""
+        from mlflow.entities import Dataset, DatasetInput, InputTag
+
+        names = {"train": self.config.levels.train, "test": self.config.levels.test_distribution}
+        files = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}
+        return [
+            DatasetInput(
+                Dataset(names[which], digest, "local", json.dumps({"uri": str(self.folder / files[which])})),
+                [InputTag("mlflow.data.context", which)],
+            )
+            for which, digest in hashes.items()
+        ]
 
 
 def files_of(folder: Path) -> list[Path]:

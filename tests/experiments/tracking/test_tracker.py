@@ -16,7 +16,7 @@ from filelock import FileLock
 from mlflow.entities import ViewType
 
 from experiments.runs.executed_code import executed_code
-from experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics
+from experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics, read_versions
 from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
 from experiments.tracking import mlflow_store, mlflow_sync
 from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
@@ -123,6 +123,24 @@ def test_a_run_that_is_trained_again_replaces_the_earlier_one(tmp_path, monkeypa
     assert one.info.status == "FINISHED"
     deleted = client.search_runs([one.info.experiment_id], run_view_type=ViewType.DELETED_ONLY)
     assert [run.data.tags["config_hash"] for run in deleted] == [one.data.tags["config_hash"]]
+    made, tags = read_versions(tmp_path / "run"), one.data.tags
+    assert (tags["mlflow.source.name"], tags["mlflow.source.type"]) == ("experiments.train", "LOCAL") and tags[
+        "mlflow.user"
+    ]
+    assert tags["mlflow.source.git.commit"] == made["git"]["commit"]
+    inputs = {tag.value: one_of.dataset for one_of in one.inputs.dataset_inputs for tag in one_of.tags}
+    assert {which: found.digest for which, found in inputs.items()} == made["levels"]
+    assert inputs["train"].name == "empty-easy" and json.loads(inputs["test"].source)["uri"].endswith("levels_test.npz")
+
+
+def test_a_folder_of_runs_that_moved_gets_its_store_anew_where_it_is(tmp_path):
+    config = short_run(tmp_path, root=str(tmp_path / "runs"), tracking=TrackingConfig())
+    folder = run(dataclasses.replace(config, folder=None)).folder
+    moved = (tmp_path / "runs").rename(tmp_path / "moved")
+    (moved / "mlflow.db").unlink()
+    upload(UploadConfig(root=str(moved)))
+    _, one = run_in(moved, moved / folder.name)
+    assert one.info.artifact_uri.startswith((moved / "mlflow-artifacts").as_uri()) and not (tmp_path / "runs").exists()
 
 
 @pytest.mark.slow
@@ -239,6 +257,9 @@ class Server:
     def log_batch(self, run_id, metrics=(), **_):
         self.answer()
         self.points += [(one.key, one.step, one.value) for one in metrics]
+
+    def log_inputs(self, *_):
+        self.answer()
 
     def log_artifact(self, run_id, path):
         self.answer()
