@@ -43,6 +43,10 @@ class ActionError(SegarError):
     """An action has the wrong shape or is not finite."""
 
 
+class UnknownOptionError(SegarError, TypeError):
+    """Something has no option of this name; a ``TypeError``, too, as Python raises for the arguments of functions."""
+
+
 class UnseenDifferenceWarning(UserWarning):
     """Level sets differ in something that the distance between them does not see."""
 

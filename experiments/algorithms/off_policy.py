@@ -42,7 +42,7 @@ class OffPolicy(ABC):
     @staticmethod
     def make_env(levels: Any, num_envs: int, **options: Any) -> VectorEnv:
         """Environments that start the next episode by themselves."""
-        return VectorEnv(levels, num_envs, **options)
+        return VectorEnv(levels, num_envs, true_factors=False, **options)
 
     @staticmethod
     @abstractmethod

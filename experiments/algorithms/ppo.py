@@ -85,7 +85,7 @@ class PPO:
     @staticmethod
     def make_env(levels: Levels, num_envs: int, **options: Any) -> VectorEnv:
         """Environments that start the next episode by themselves, and whose arrays are overwritten by the next step."""
-        return VectorEnv(levels, num_envs, copy=False, **options)
+        return VectorEnv(levels, num_envs, copy=False, true_factors=False, **options)
 
     @staticmethod
     def make_policy(config: PPOConfig, observation_shape: tuple[int, ...], actions: int) -> PPOPolicy:

@@ -372,15 +372,15 @@ def check_results(prepared: Prepared, train: Levels, test: Levels) -> list[str]:
     options = prepared.env_options(train=train)
     for levels in (train, test):
         env = VectorEnv(levels, RESULT_ENVS, seed=0, **options)
-        _, info = env.reset()
+        env.reset()
         for name, function in env.task.results.items():
             result = f"the task {env.task.name}: its result '{name}', {code_place(function)},"
             fix = (
-                "A result is a function of info['factors'], a mapping of names to arrays that lead with the environment, such"
+                "A result is a function of env.factors, a mapping of names to arrays that lead with the environment, such"
                 " as factors['Position'][:, 0], and returns an array (num_envs, ...), a row for each environment"
             )
             try:
-                values, again = function(info["factors"]), function(info["factors"])
+                values, again = function(env.factors), function(env.factors)
             except Exception as error:  # the user's code may raise anything
                 raise ConfigError(f"{result} raises {type(error).__name__}: {error}. {fix}") from error
             shape = np.shape(values)

@@ -76,7 +76,7 @@ def record_video(chosen: argparse.Namespace, levels: Levels, task: Task) -> None
     """Record one episode as people see it."""
     level = chosen.level % len(levels)
     env = Env(levels, task=task, seed=chosen.seed, render_mode="rgb_array", view=View(size=chosen.size))
-    play = (lambda observation, info: task.scripted_actions(info["factors"])) if chosen.policy == "script" else None
+    play = (lambda observation, info: task.scripted_actions(env.factors)) if chosen.policy == "script" else None
     frames = video.record(env, chosen.output, play, seed=chosen.seed, options={"level": level})
     answer = {"file": chosen.output, "level": level, "frames": frames, "frames_per_second": env.metadata["render_fps"]}
     arguments.print_answer(chosen, answer, f"{chosen.output}: {frames} frames of level {level}")

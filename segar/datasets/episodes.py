@@ -48,37 +48,23 @@ def roll_out(env: VectorEnv, levels: np.ndarray, seed: int, policy: Policy) -> l
         ends[now.ended, now.trial[now.ended]] = now.time
         steps.append(now)
     starts = np.concatenate([np.zeros((env.num_envs, 1), np.int64), ends[:, :-1]], axis=1)
-    factors = [{**now.info["factors"]} for now in steps]
     return [
         episode_of(
+            env,
             steps[starts[e, k] : ends[e, k] + 1],
-            factors[starts[e, k] : ends[e, k] + 1],
             e,
-            env.single_action_space,
             {"level": int(levels[e]), "seed": seed, "environment": e, **({"trial": k} if env.trials > 1 else {})},
         )
         for e, k in np.ndindex(ends.shape)
     ]
 
 
-def episode_of(
-    steps: Sequence[TimeStep],
-    factors: Sequence[Mapping[str, np.ndarray]],
-    row: int,
-    space: Any,
-    options: dict[str, Any],
-) -> Episode:
-    """The episode of a row of environments.
-
-    Args:
-        steps: from its start to its end, after which another episode may have started in the row.
-        factors: the true factors that ``info`` had in these steps.
-        space: of the actions, to which they are clipped.
-    """
-    seen, infos, truths = [now.observation for now in steps], [*factors], [now.info for now in steps]
+def episode_of(env: VectorEnv, steps: Sequence[TimeStep], row: int, options: dict[str, Any]) -> Episode:
+    """The episode of a row of environments; ``steps`` go from its start to its end, after which another episode may have
+    started in the row. Actions are clipped to their space."""
+    seen, truths, space = [now.observation for now in steps], [now.info for now in steps], env.single_action_space
     if "final_obs" in steps[-1].info:
         seen[-1], truths[-1] = steps[-1].info["final_obs"], steps[-1].info["final_info"]
-        infos[-1] = {**truths[-1]["factors"]}
     flags = {name: np.array([False, *(info[name][row] for info in truths[1:])]) for name in ("success", "death")}
     taken = steps[1:]
     return Episode(
@@ -87,7 +73,11 @@ def episode_of(
         rewards=np.array([now.reward[row] for now in taken]),
         terminations=np.array([now.terminated[row] for now in taken]),
         truncations=np.array([now.truncated[row] for now in taken]),
-        infos={**stacked(infos, row), "level": np.full(len(steps), options["level"]), **flags},
+        infos={
+            **stacked([env.factors_of(info, [row]) for info in truths], 0),
+            "level": np.full(len(steps), options["level"]),
+            **flags,
+        },
         options=options,
     )
 

@@ -99,9 +99,8 @@ def _play_again(env: VectorEnv, said: dict[str, Any], at: str, by: str) -> Episo
     for name, value in again.items():
         if said[name] != value:
             raise SegarError(f"{at}.{name}: is {said[name]}, and {value} when the actions are played again{by}")
-    factors = [{**now.info["factors"]} for now in steps]
     options = {"level": said["level"], "seed": said["seed"], "environment": 0}
-    return episode_of(steps, factors, 0, env.single_action_space, options)
+    return episode_of(env, steps, 0, options)
 
 
 def _actions(given: list[list[float]], width: int, at: str) -> np.ndarray:

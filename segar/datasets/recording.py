@@ -5,7 +5,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -222,7 +222,5 @@ def _spec_of(levels: Levels, recipe: Recipe) -> EnvSpec | None:
         return None
     spec = gymnasium.spec(id_)
     options = {"num_levels": n, "seed": origin.seed, "split": origin.split}
-    options |= {name: getattr(recipe, name) for name in ("max_steps", "sub_steps", "trials", "unit_actions")}
-    return EnvSpec(
-        id_, entry_point=spec.entry_point, vector_entry_point=spec.vector_entry_point, kwargs={**spec.kwargs, **options}
-    )
+    options |= {name: getattr(recipe, name) for name in ("sub_steps", "trials", "unit_actions")}
+    return replace(spec, max_episode_steps=recipe.max_steps, kwargs={**spec.kwargs, **options})

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import ActionError, LevelError, SegarError, did_you_mean
+from segar.errors import ActionError, LevelError, SegarError, UnknownOptionError, did_you_mean
 from segar.support import is_whole
 
 MOST_THREADS = 1024
@@ -61,10 +61,12 @@ def known_options(kind: type) -> set[str]:
 
 
 def require_known(options: Mapping[str, Any], known: Iterable[str]) -> None:
-    """Raise :class:`SegarError` for an option that no environment has."""
+    """Raise :class:`UnknownOptionError` for an option that no environment has."""
     for name in options:
-        if name not in known:
-            raise SegarError(f"an environment has no option '{name}'.{did_you_mean(name, known)}")
+        if name not in known:  # in Python's words, which other packages look for
+            raise UnknownOptionError(
+                f"an environment got an unexpected keyword argument '{name}'.{did_you_mean(name, known)}"
+            )
 
 
 def actions_of(actions: Any, shape: tuple[int, ...]) -> np.ndarray:

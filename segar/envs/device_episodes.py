@@ -11,12 +11,13 @@ from typing import Any, NoReturn
 import numpy as np
 import torch
 from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
 
 from segar.engine import BY_NUMBER, Call, State, StepResult, build_kernel, for_threads, step_entry
 from segar.engine.cuda.driver import Device, Driver, Kernel
 from segar.envs.episode_calls import check_call, count_call, observation_calls, start_call
 from segar.envs.episode_kernel import ACTION_NOT_FINITE
-from segar.envs.host_episodes import HostEpisodes
+from segar.envs.host_episodes import HostEpisodes, with_masks
 from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import EPISODE_ARRAYS, STATE_ARRAYS, Snapshot
 from segar.envs.trials import trial_info
@@ -139,6 +140,7 @@ class DeviceEpisodes:
         self._tensors["errors"] = self._new((5,), torch.int64, zero=True)
         self._tensors["rows"] = torch.arange(count, device=self.device)
         self._everywhere = torch.ones(count, dtype=torch.bool, device=self.device)
+        self._over = ~self._everywhere  # under NEXT_STEP, where the next step starts another episode
         self._anywhere = torch.full((count,), -1, dtype=torch.int64, device=self.device)
         most = max(call.entry.per_environment for call in calls)
         self._tensors["frame_rows"] = torch.arange(count * most, device=self.device)
@@ -163,42 +165,49 @@ class DeviceEpisodes:
         self.pull()
         return self.host.now
 
-    def reset(self, seed: int | None, mask: Any, chosen: np.ndarray | None) -> tuple[Any, dict[str, Any]]:
+    def reset(self, seed: Any, mask: Any, chosen: np.ndarray | None) -> tuple[Any, dict[str, Any]]:
         """Start episodes where ``mask`` is true; arguments as of :meth:`HostEpisodes.reset`."""
+        if isinstance(seed, np.ndarray):
+            raise SegarError("reset: on a GPU, give one seed for all environments")
         if seed is not None:
             self.host.now.seed = seed
             self._tensors["episodes"].zero_()
         levels = None if chosen is None else self._tensor(chosen)
         self._start_episodes(mask, levels)
         never = self._new((), torch.bool, zero=True)
-        return self.observe(), self._info(never, never.clone())
+        return self.observe(), with_masks(self._info(never, never.clone()), mask.clone())
 
     def step(self, actions: Any) -> tuple[Any, ...]:
         """Observations, reward, terminated, truncated and info after a step; see :meth:`segar.envs.VectorEnv.step`."""
         seen, outcome = self._outputs()
-        task = self._simulator.task
+        task, autoreset = self._simulator.task, self.host.autoreset
+        next_step, over = autoreset is AutoresetMode.NEXT_STEP, self._over
+        meant = ~over if next_step else self._everywhere
         given: dict[str, Any] = {"actions": self._actions_of(actions), "with_task": True}
-        given |= {"sub_steps": task.sub_steps, "max_steps": task.max_steps, "meant": self._everywhere, **outcome}
+        given |= {"sub_steps": task.sub_steps, "max_steps": task.max_steps, "meant": meant, **outcome}
         given |= {f"result_{field.name}": outcome[field.name] for field in fields(StepResult)}
         self._launch(self._check, given)
         self._launch(Call(self._step, {}), given)
         self._launch_all(self._advance, given)
-        self._launch_all(self._write, given, seen)
         self._launch(self._count, given)
+        if next_step:
+            for array in outcome.values():
+                array.masked_fill_(over, 0)
+            self._start_episodes(over, None)
+            self._over = outcome["ended"].clone()
+        self._launch_all(self._write, {"meant": self._everywhere}, seen)
         reward, terminated, truncated = outcome["reward"], outcome["terminated"], outcome["truncated"]
         success, death, ended = outcome["success"], outcome["death"], outcome["ended"]
         final: dict[str, Any] = {}
-        if self.host.same_step:
+        if autoreset is AutoresetMode.SAME_STEP:
             final = {"final_obs": map_leaves(lambda part: _where(ended, part), seen), "_final_obs": ended}
-            last = self._info(success & ended, death & ended)
-            final |= {
-                "final_info": {name: _where(ended, part) for name, part in last.items()},
-                "_final_info": ended.clone(),
-            }
+            last = {name: _where(ended, part) for name, part in self._info(success & ended, death & ended).items()}
+            present = ended.clone()
+            final |= {"final_info": with_masks(last, present), "_final_info": present}
             success, death = success & ~ended, death & ~ended
             self._start_episodes(ended, None)
             self._launch_all(self._write, {"meant": ended}, seen)
-        info = {**self._info(success, death), **final}
+        info = with_masks(self._info(success, death), self._everywhere.clone()) | final
         self._steps += 1
         if self._steps == STEPS_BETWEEN_CHECKS:
             self.check()
@@ -265,6 +274,7 @@ class DeviceEpisodes:
         self.check()
         for name, array in self._arrays().items():
             array[...] = self._tensors[name].cpu().numpy()
+        self.host.over = self._over.cpu().numpy()
         for array, tensor, changes in self._fixed.values():
             if changes:
                 array[...] = tensor.cpu().numpy()
@@ -273,6 +283,7 @@ class DeviceEpisodes:
         """Take over episodes, and what observations remember, from the arrays on the processor."""
         for name, array in self._arrays().items():
             self._tensors[name].copy_(torch.from_numpy(np.array(array)))
+        self._over = self._tensor(self.host.over)
         for array, tensor, changes in self._fixed.values():
             if changes:
                 tensor.copy_(torch.from_numpy(np.array(array)))
@@ -317,6 +328,8 @@ class DeviceEpisodes:
         raise SegarError(f"{method}: episodes on a GPU keep their levels; use device='cpu', or make other environments")
 
     def _start_episodes(self, where: torch.Tensor, chosen: torch.Tensor | None) -> None:
+        if self.host.autoreset is AutoresetMode.NEXT_STEP:
+            self._over = self._over & ~where
         given = {"meant": where, "seed": self.host.now.seed, "chosen": self._anywhere if chosen is None else chosen}
         self._launch_all(self._start, given)
 

@@ -35,6 +35,13 @@ def start_episodes(
         episodes[e] += 1
 
 
+def moved_seed(seed: int, place: int, to: int, number: int) -> np.uint64:
+    """The seed by which environment ``to`` of a batch starts its episode of this number as environment ``place`` does by
+    ``seed``."""
+    drawn = [int(mix(np.uint64((e * int(GOLDEN) + number) % 2**64))) for e in (place, to)]
+    return np.uint64((seed + drawn[0] - drawn[1]) % 2**64)
+
+
 @cached(**_options)
 def draw_levels(rows, seed, trials, count, cumulative, episodes, chosen):
     """Write into ``chosen[env]``, where it is negative, the level on which the episode that starts there begins.
@@ -62,20 +69,12 @@ def draw_levels(rows, seed, trials, count, cumulative, episodes, chosen):
 
 
 @cached(**_options)
-def record_ends(ended, level, lengths, contacts, unresolved, returns, success, death, counts, sums, flags):
-    """Write the results of the episodes that ended into arrays of all environments, which are 0 elsewhere.
-
-    ``counts`` int64 [4, N] receives level, lengths, contacts and unresolved; ``sums`` float64 [N] the returns; ``flags``
-    bool [4, N] success, death, and twice which environments ended. ``success`` and ``death`` of these are set to false,
-    because their next episodes begin.
-    """
-    for r in range(len(ended)):
-        e = ended[r]
-        counts[0, e], counts[1, e], counts[2, e], counts[3, e] = level[e], lengths[e], contacts[e], unresolved[e]
-        sums[e] = returns[e]
-        flags[0, e], flags[1, e] = success[e], death[e]
-        flags[2, e] = flags[3, e] = True
-        success[e] = death[e] = False
+def copy_numbers(values, out):
+    """Copy states ``[env, entity, column]``, with 0 where an entity lacks a factor (nan)."""
+    for e in range(len(values)):
+        for i in range(values.shape[1]):
+            for c in range(values.shape[2]):
+                out[e, i, c] = values[e, i, c] if values[e, i, c] == values[e, i, c] else 0.0
 
 
 @cached(**_options)

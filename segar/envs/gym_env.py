@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from segar.envs.checks import actions_of, instance, known_options, require_known, seed_of, whole_number
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError, did_you_mean
-from segar.language import SingleFactors, SingleResults, Task
+from segar.language import Factors, Task
 from segar.levels import Levels
 from segar.observations import map_leaves
 from segar.rendering import RENDER_MODES, Camera, View, episode_verdict
@@ -45,7 +45,7 @@ class Env(gymnasium.Env):
         offered = ("render_modes", "render_fps")
         self.metadata = {**type(self).metadata, **{key: self._batch.metadata[key] for key in offered}}
         self._camera = self._new_camera()
-        self._verdict: str | None = None  # how the episode ended, '' while it goes on; None before the first reset
+        self._verdict = ""  # how the episode ended, '' while it goes on
 
     def __getstate__(self) -> dict[str, Any]:
         """A pickle holds all but the camera, which may have a window."""
@@ -63,20 +63,34 @@ class Env(gymnasium.Env):
     def task(self) -> Task:
         return self._batch.task
 
+    @property
+    def factors(self) -> Factors:
+        """The true factors of all entities in the present state, without the batch axis; see :attr:`VectorEnv.factors`."""
+        return Factors(self.levels.layout, {name: array[0] for name, array in self._batch.factors.items()})
+
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
         """Start an episode on a level drawn uniformly, or on ``options["level"]``; or the next trial on the same level, see
-        :meth:`VectorEnv.reset`."""
-        super().reset(seed=None if seed is None else seed_of(seed))
+        :meth:`VectorEnv.reset`.
+
+        The options of a recorded episode start it again: ``level``, ``seed`` (unless one is given), ``environment``, the place
+        in the batch that recorded it, and ``trial``.
+        """
         instance("reset: options", options, (Mapping, NoneType), "a mapping such as {'level': 3}, or None")
         options = dict(options or {})
-        level = options.pop("level", None)
+        level, place, trial = options.pop("level", None), options.pop("environment", 0), options.pop("trial", 0)
+        seed = options.pop("seed", None) if seed is None else seed
         if options:
             name = next(iter(options))
-            raise SegarError(f"reset: unknown option '{name}'.{did_you_mean(str(name), ['level'])}")
+            known = ["level", "seed", "environment", "trial"]
+            raise SegarError(f"reset: unknown option '{name}'.{did_you_mean(str(name), known)}")
+        super().reset(seed=None if seed is None else seed_of(seed))
+        trial = whole_number("reset: option 'trial'", trial, 0, self._batch.trials - 1)
         if level is not None:
             level = whole_number("reset: option 'level'", level, 0, len(self.levels) - 1)
-        batch_options = {} if level is None else {"levels": np.array([level])}
-        observations, info = self._batch.reset(seed=seed, options=batch_options)
+        batch_options = {"environment": place} | ({} if level is None else {"levels": np.array([level])})
+        observations, info = self._batch.reset(seed=[seed] if place else seed, options=batch_options)
+        for _ in range(trial):
+            observations, info = self._batch.reset()
         self._show("")
         return _first(observations), _single(info)
 
@@ -106,13 +120,13 @@ class Env(gymnasium.Env):
         """
         if self._camera is None:
             return None
-        if self._verdict is None:
-            raise SegarError("call reset() before render()")
+        self._batch.require_open("render")
         frames = self._camera.render(self._batch.state(), [self._verdict])
         return frames[0] if frames is not None else None
 
     def close(self) -> None:
-        """Close the window, if there is one."""
+        """Close the window, if there is one; nothing can be played afterwards."""
+        self._batch.close()
         if self._camera is not None:
             self._camera.close()
 
@@ -136,5 +150,8 @@ def _first(observations: Any) -> Any:
 
 def _single(info: dict[str, Any]) -> dict[str, Any]:
     """The info of the only environment: numbers and truths instead of arrays."""
-    plain = {name: array.item(0) for name, array in info.items() if type(array) is np.ndarray}
-    return {**plain, "factors": SingleFactors(info["factors"]), "results": SingleResults(info["results"])}
+    return {
+        name: _single(part) if isinstance(part, dict) else part.item() if part.ndim == 1 else part[0]
+        for name, part in info.items()
+        if f"_{name}" in info
+    }

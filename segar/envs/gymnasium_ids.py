@@ -17,6 +17,7 @@ OBSERVATION_NAMES = ("rgb", "state")
 REWARDS = {"": "squared", "-linear": "linear"}  # of PuttPutt, by what the ids of families say of it
 TASKS = tuple(name for name in TASK_LEVELS if "-" not in name)  # a task's default levels have its name
 MAKERS = "segar.envs.registration"
+MAX_STEPS = 100  # of all their tasks
 
 
 def register_all() -> None:
@@ -24,13 +25,16 @@ def register_all() -> None:
     for observation in OBSERVATION_NAMES:
         for name, (suffix, reward) in product(families(), REWARDS.items()):
             options = {"family_name": name, "observation": observation, "reward": reward}
-            register_id(f"Segar-{name}-{observation}{suffix}-v0", MAKERS, **options)
+            register_id(f"Segar-{name}-{observation}{suffix}-v0", MAKERS, MAX_STEPS, **options)
         for name in TASKS:
-            register_id(f"Segar-{name}-{observation}-v0", MAKERS, family_name=name, observation=observation)
+            register_id(f"Segar-{name}-{observation}-v0", MAKERS, MAX_STEPS, family_name=name, observation=observation)
 
 
-def register_id(id_: str, module: str, **options: Any) -> None:
-    """Register an id, whose environments the module's ``make_env`` and ``make_vector_env`` make, unless it is known."""
+def register_id(id_: str, module: str, max_steps: int, **options: Any) -> None:
+    """Register an id, whose environments the module's ``make_env`` and ``make_vector_env`` make, unless it is known.
+
+    Its episodes end after ``max_steps`` steps, or after ``max_episode_steps`` of ``gymnasium.make`` and ``make_vec``.
+    """
     if id_ not in gymnasium.registry:
         single, batched = (f"{module}:{name}" for name in ("make_env", "make_vector_env"))
-        gymnasium.register(id_, entry_point=single, vector_entry_point=batched, kwargs=options)
+        gymnasium.register(id_, single, max_episode_steps=max_steps, kwargs=options, vector_entry_point=batched)

@@ -1,25 +1,29 @@
 """Episodes on the processor: all that changes lies in arrays, and compiled functions and the simulator change it."""
 
-import weakref
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 
 from segar.engine import Simulator, State, StepResult
 from segar.envs.action_range import ActionRange
 from segar.envs.buffers import Buffers
 from segar.envs.checks import actions_of, array_of
-from segar.envs.episode_kernel import count_step, draw_levels, record_ends, start_episodes
+from segar.envs.episode_kernel import copy_numbers, count_step, draw_levels, moved_seed, start_episodes
 from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import Snapshot
 from segar.envs.trials import trial_info
 from segar.errors import LevelError
-from segar.language import Factor, Factors, Results
+from segar.language import Factor
 from segar.levels import Levels
-from segar.observations import Observation, copy_rows, hooks_of, leaves, simulator_reads
+from segar.observations import Observation, copy_rows, hooks_of, leaves, map_leaves, recall_array, simulator_reads
 from segar.rendering import Camera
 from segar.support import Team
+
+OVER = "over"  # in the memory of a snapshot under NEXT_STEP: whether the next step starts another episode
+SEEDS = "seeds"  # in the memory of a snapshot whose environments have seeds of their own
 
 
 class HostEpisodes:
@@ -30,8 +34,8 @@ class HostEpisodes:
         levels: what is played at first.
         described: what is observed.
         actions: the range of the actions.
-        num_envs, num_threads, copy, trials: as of :class:`segar.envs.VectorEnv`.
-        same_step: whether episodes that end are followed by new ones in the same step.
+        num_envs, num_threads, copy, trials, true_factors: as of :class:`segar.envs.VectorEnv`.
+        autoreset: when an episode that ended is followed by a new one.
         seed: decides on which levels episodes start, and the randomness in rules.
         camera: draws the states for people, or None.
 
@@ -55,12 +59,13 @@ class HostEpisodes:
         num_threads: int,
         copy: bool,
         trials: int,
-        same_step: bool,
+        true_factors: bool,
+        autoreset: AutoresetMode,
         seed: int,
         camera: Camera | None,
     ) -> None:
         self.simulator, self.task, self.described, self.actions = simulator, simulator.task, described, actions
-        self.num_envs, self.copy, self.trials, self.same_step, self.camera = num_envs, copy, trials, same_step, camera
+        self.num_envs, self.copy, self.trials, self.autoreset, self.camera = num_envs, copy, trials, autoreset, camera
         self.pool = self._first_pool = LevelPool.of(levels)
         self._bind_observation()
         self._team = Team(num_threads)
@@ -68,7 +73,12 @@ class HostEpisodes:
         self._ended = np.empty(num_envs, np.int64)
         self._any_level = np.full(num_envs, -1)
         self._outcome = StepResult.empty(num_envs)
-        self._last_factors: weakref.ref[Factors] | None = None
+        self._has_factors = true_factors
+        self._factors = np.empty((num_envs, *levels.values.shape[1:]))
+        self._seeds: np.ndarray | None = (
+            None  # uint64 (num_envs, 2): own seeds, and the places in a batch that draw by them
+        )
+        self.over = np.zeros(num_envs, np.bool_)  # under NEXT_STEP, whether the next step starts another episode
         counts = (np.zeros(num_envs), np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64))
         self.now = Snapshot(State.empty(num_envs, levels.layout), *counts, seed)
 
@@ -77,27 +87,30 @@ class HostEpisodes:
         found = array_of("reset: option 'reset_mask'", mask, np.bool_, self.num_envs)
         return np.ones(self.num_envs, np.bool_) if found is None else found
 
-    def reset(self, seed: int | None, mask: Any, chosen: np.ndarray | None) -> tuple[Any, dict[str, Any]]:
+    def reset(self, seed: Any, mask: Any, chosen: np.ndarray | None) -> tuple[Any, dict[str, Any]]:
         """Start episodes where ``mask`` is true; return observations and info.
 
         Args:
-            seed: starts the sequence of episodes anew; where it is None the sequence goes on.
+            seed: starts the sequence of episodes anew; where it is None the sequence goes on. An int, or uint64
+                ``(num_envs, 2)``: for each environment a seed, and the place in a batch whose episodes it plays.
             chosen: int64 ``(num_envs,)``, levels; drawn, or those of further trials, where it is None.
         """
         if seed is not None:
-            self.now.seed = seed
+            own = isinstance(seed, np.ndarray)
+            self._seeds, self.now.seed = (seed, self.now.seed) if own else (None, seed)
             self.now.episodes[:] = 0
-        self._detach_factors()
         self._start_episodes(np.flatnonzero(mask), chosen)
         observations = self.observe()
         self._update_window()
-        return observations, self._info(np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_))
+        info = self._info(np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_))
+        return observations, with_masks(info, mask.copy())
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """See :meth:`segar.envs.VectorEnv.step`."""
         actions = self.actions.of_task(actions_of(actions, (self.num_envs, len(self.actions.low))))
-        self._detach_factors()
-        observations, now, out = self._step_states(actions), self.now, self._outcome
+        begins, now, out = np.flatnonzero(self.over), self.now, self._outcome
+        remembered = self._hooks.memory() if len(begins) and self.trials > 1 else {}
+        observations = self._step_states(actions)
         truncated = np.empty(self.num_envs, np.bool_)
         count = count_step(
             out.reward, out.terminated, self.task.max_steps, now.returns, now.lengths, truncated, self._ended
@@ -105,13 +118,27 @@ class HostEpisodes:
         ended = self._ended[:count]
         reward = out.reward.copy() if self.copy else out.reward
         terminated, success, death = out.terminated.copy(), out.success.copy(), out.death.copy()
+        if len(begins):  # this was no step of their episodes, and nothing of it remains
+            for array in (reward, terminated, truncated, success, death):
+                array[begins] = 0
+            if remembered:
+                after = self._hooks.memory()
+                for name, array in remembered.items():
+                    after[name][begins] = array[begins]
+                self._hooks.recall(after)
+            self._start_episodes(begins)
+            self._write_observations(observations, begins)
         self._update_window()
-        if not len(ended) or not self.same_step:
-            return observations, reward, terminated, truncated, self._info(success, death)
-        final = self._final(observations, ended, success, death)
-        self._start_episodes(ended)
-        self._write_observations(observations, ended)
-        return observations, reward, terminated, truncated, {**self._info(success, death), **final}
+        if self.autoreset is AutoresetMode.NEXT_STEP:
+            self.over = terminated | truncated
+        info, final = self._info(success, death), {}
+        if len(ended) and self.autoreset is AutoresetMode.SAME_STEP:
+            final = self._final(observations, ended.copy(), info)  # the buffers keep the rows
+            self._start_episodes(ended)
+            self._write_observations(observations, ended)
+            success[ended] = death[ended] = False
+            info = self._info(success, death)
+        return observations, reward, terminated, truncated, with_masks(info, np.ones(self.num_envs, np.bool_)) | final
 
     def observe(self) -> Any:
         """The observations of all present states."""
@@ -121,7 +148,9 @@ class HostEpisodes:
 
     def state(self) -> Snapshot:
         """See :meth:`segar.envs.VectorEnv.state`."""
-        return replace(self.now.copy(), memory=self._hooks.memory())
+        own = {OVER: self.over.copy()} if self.autoreset is AutoresetMode.NEXT_STEP else {}
+        own |= {} if self._seeds is None else {SEEDS: self._seeds.copy()}
+        return replace(self.now.copy(), memory=self._hooks.memory() | own)
 
     def restore(self, snapshot: Snapshot, pool: LevelPool | None = None) -> Any:
         """See :meth:`segar.envs.VectorEnv.restore`."""
@@ -129,11 +158,15 @@ class HostEpisodes:
         everywhere = np.ones(self.num_envs, np.bool_)
         if pool is not None:
             self._use_pool(pool)
-        self._detach_factors()
         self._hooks.forget(everywhere)
         self._hooks.start(snapshot.state.key, snapshot.state.level, everywhere)
         self._hooks.recall(snapshot.memory)
         self.now = replace(snapshot, memory={}).copy()
+        seeds = np.zeros((self.num_envs, 2), np.uint64)
+        self._seeds = seeds if recall_array(snapshot.memory, SEEDS, seeds) else None
+        if self.autoreset is AutoresetMode.NEXT_STEP:
+            self.over = np.zeros(self.num_envs, np.bool_)
+            recall_array(snapshot.memory, OVER, self.over)
         self.observation.begin(self.now.state.values, self.now.state.level, everywhere)
         return self.observe()
 
@@ -154,7 +187,6 @@ class HostEpisodes:
         part = now.values[:, layout.slot_index(entity), first : first + factor.width]
         if np.isnan(part[mask]).any():
             raise LevelError(f"'{entity}' has no {factor.__name__} in some of these environments")
-        self._detach_factors()
         part[mask] = factor.check(value)
         self.observation.begin(now.values, now.level, mask)
         return self.observe()
@@ -175,7 +207,6 @@ class HostEpisodes:
 
     def _use_pool(self, pool: LevelPool) -> None:
         """Play the levels of a pool; the rows of running episodes are the caller's to set."""
-        self._detach_factors()
         levels, self.pool = self.pool.levels, pool
         if pool.levels is not levels:
             self._bind_observation()
@@ -205,17 +236,31 @@ class HostEpisodes:
         now, state = self.now, self.now.state
         chosen = self._any_level if chosen is None else chosen
         if not self.pool.is_plain:
-            chosen, sums = chosen.copy(), self.pool.cumulative
-            draw_levels(rows, np.uint64(now.seed), self.trials, self.pool.count, sums, now.episodes, chosen)
-        start_episodes(
-            rows, np.uint64(now.seed), self.trials, chosen, self.pool.levels.values, state.values, state.level, state.key,
-            state.tick, state.contacts, now.state.unresolved_contacts, now.returns, now.lengths, now.episodes,
-        )  # fmt: skip
+            chosen = chosen.copy()
+        for some, seed in self._seeds_of(rows, chosen):
+            if not self.pool.is_plain:
+                sums = self.pool.cumulative
+                draw_levels(some, seed, self.trials, self.pool.count, sums, now.episodes, chosen)
+            start_episodes(
+                some, seed, self.trials, chosen, self.pool.levels.values, state.values, state.level, state.key, state.tick,
+                state.contacts, now.state.unresolved_contacts, now.returns, now.lengths, now.episodes,
+            )  # fmt: skip
         mask = np.zeros(self.num_envs, np.bool_)
         mask[rows] = True
         self._hooks.forget(mask if self.trials == 1 else mask & ((now.episodes - 1) % self.trials == 0))
         self._hooks.start(state.key, state.level, mask)
         self.observation.begin(state.values, state.level, mask)
+        self.over = self.over & ~mask
+
+    def _seeds_of(self, rows: np.ndarray, chosen: np.ndarray) -> Iterator[tuple[np.ndarray, np.uint64]]:
+        """The rows in parts that start episodes by one seed."""
+        if self._seeds is None:
+            yield rows, np.uint64(self.now.seed)
+            return
+        for row in rows:
+            number = int(self.now.episodes[row])
+            number += -number % self.trials if chosen[row] >= 0 else 0
+            yield np.array([row]), moved_seed(*self._seeds[row].tolist(), int(row), number)
 
     def _write_observations(self, out: Any, rows: np.ndarray) -> None:
         """Write the observations of these rows of the present states into ``out``."""
@@ -229,64 +274,40 @@ class HostEpisodes:
 
     def _info(self, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
         """The info about all running episodes."""
-        now = self.now
-        factors = Factors(self.pool.levels.layout, now.state.values)
-        self._last_factors = weakref.ref(factors)
-        counts = (
-            self.pool.named(now.state.level),
-            now.lengths.copy(),
-            now.state.contacts.copy(),
-            now.state.unresolved_contacts.copy(),
-        )
-        trials = trial_info(self.trials, now.episodes, now.lengths)
-        return self._named_info(counts, now.returns.copy(), success, death, factors) | trials
-
-    def _final(self, observations: Any, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
-        """The last observations and info of episodes that ended, in full-sized arrays with masks.
-
-        ``success`` and ``death`` are set to false for these episodes, because the next ones begin.
-        """
-        now, state, ended = self.now, self.now.state, ended.copy()  # the caller's factors hold the rows
-        final_obs = self._buffers.final_output(ended)
-        for last, array in zip(leaves(final_obs), leaves(observations), strict=True):
-            copy_rows(array, last, ended)
-        counts, flags = np.zeros((4, self.num_envs), np.int64), np.zeros((4, self.num_envs), np.bool_)
-        returns = np.zeros(self.num_envs)
-        record_ends(
-            ended, state.level, now.lengths, state.contacts, state.unresolved_contacts, now.returns, success, death, counts,
-            returns, flags,
-        )  # fmt: skip
-        counts[0] = self.pool.named(counts[0])
-        factors = Factors(self.pool.levels.layout, state.values[ended], ended, self.num_envs)
-        trials = {
-            name: np.where(flags[2], array, np.zeros_like(array))
-            for name, array in trial_info(self.trials, now.episodes, now.lengths).items()
-        }
-        final_info = self._named_info(counts, returns, flags[0], flags[1], factors) | trials
-        return {"final_obs": final_obs, "_final_obs": flags[2], "final_info": final_info, "_final_info": flags[3]}
-
-    def _named_info(
-        self, counts: Any, returns: np.ndarray, success: np.ndarray, death: np.ndarray, factors: Factors
-    ) -> dict[str, Any]:
-        """Info by its names; ``counts`` are level, length, contacts and unresolved contacts."""
-        return {
-            "level": counts[0],
-            "return": returns,
-            "length": counts[1],
+        now, state = self.now, self.now.state
+        info = {
+            "level": self.pool.named(state.level),
+            "return": now.returns.copy(),
+            "length": now.lengths.copy(),
             "success": success,
             "death": death,
-            "contacts": counts[2],
-            "unresolved_contacts": counts[3],
-            "factors": factors,
-            "results": Results(self.task.results, factors),
+            "contacts": state.contacts.copy(),
+            "unresolved_contacts": state.unresolved_contacts.copy(),
         }
+        if self._has_factors:
+            values = np.empty(state.values.shape) if self.copy else self._factors
+            copy_numbers(state.values, values)
+            info["factors"] = self.pool.levels.layout.named(values)
+        return info | trial_info(self.trials, now.episodes, now.lengths)
 
-    def _detach_factors(self) -> None:
-        """Let the factors of the last step take a copy of the state, which is about to change, if a caller holds them.
+    def _final(self, observations: Any, ended: np.ndarray, last: dict[str, Any]) -> dict[str, Any]:
+        """The last observations and info of episodes that ended, in full-sized arrays with masks."""
+        final_obs, present = self._buffers.final_output(ended), np.zeros(self.num_envs, np.bool_)
+        for final, array in zip(leaves(final_obs), leaves(observations), strict=True):
+            copy_rows(array, final, ended)
+        present[ended] = True
+        final_info = with_masks(map_leaves(lambda array: _at_rows(array, ended), last), present)
+        return {"final_obs": final_obs, "_final_obs": present, "final_info": final_info, "_final_info": present.copy()}
 
-        A weak reference says whether a caller does: the object lives as long as any reference to it, counted or borrowed.
-        """
-        factors = self._last_factors() if self._last_factors is not None else None
-        if factors is not None and self.copy:
-            factors.keep()
-        self._last_factors = None
+
+def _at_rows(array: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """A copy of these rows, 0 in all others."""
+    found = np.zeros(array.shape, array.dtype)
+    found[rows] = array[rows]
+    return found
+
+
+def with_masks(info: dict[str, Any], present: Any) -> dict[str, Any]:
+    """Info with Gymnasium's masks: ``_name`` says which environments have the entry ``name``, here those of ``present``."""
+    found = {name: with_masks(part, present) if isinstance(part, dict) else part for name, part in info.items()}
+    return found | {f"_{name}": present for name in info}

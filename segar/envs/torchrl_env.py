@@ -54,9 +54,8 @@ class TorchRLEnv(EnvBase):
     def __init__(
         self, levels: Levels, num_envs: int, *, observation: ObservationLike = "state", **options: Any
     ) -> None:
-        vector_env = VectorEnv(
-            levels, num_envs, observation=observation, autoreset_mode=AutoresetMode.DISABLED, copy=True, **options
-        )
+        fixed = {"autoreset_mode": AutoresetMode.DISABLED, "copy": True, "true_factors": False}
+        vector_env = VectorEnv(levels, num_envs, observation=observation, **fixed, **options)
         super().__init__(device=vector_env.device, batch_size=torch.Size([num_envs]))
         self.vector_env = vector_env
         self._episode_keys = EPISODE_KEYS | (TRIAL_KEYS if vector_env.trials > 1 else {})
@@ -95,6 +94,17 @@ class TorchRLEnv(EnvBase):
             # TorchRL keeps the unmasked rows of what it was given, and pads what it was not given with zeros: give it all.
             tensordict.update({key: value for key, value in after.items() if key not in tensordict.keys()})
         return after
+
+    def render(self) -> torch.Tensor:
+        """A frame of each environment, uint8 ``[num_envs, height, width, 3]``.
+
+        Raises:
+            SegarError: the environments have no ``render_mode="rgb_array"``.
+        """
+        frames = self.vector_env.render()
+        if frames is None:
+            raise SegarError("TorchRLEnv: render() needs environments with render_mode='rgb_array'")
+        return torch.from_numpy(np.stack(frames))
 
     def state(self) -> Snapshot:
         """A copy of everything that decides how the episodes go on; see :meth:`segar.envs.VectorEnv.state`."""

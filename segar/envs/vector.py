@@ -1,6 +1,6 @@
 """The core environment: a batch of episodes on the levels of a set, stepped by one compiled kernel."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -33,7 +33,7 @@ Episodes: TypeAlias = "HostEpisodes | DeviceEpisodes"
 """Where episodes run, chosen once; both have the same face."""
 KEPT_IN_PICKLES = (
     *("observation_space", "single_observation_space", "action_space", "single_action_space"),  # and their generators
-    *("spec", "closed", "_np_random", "_np_random_seed"),  # Gymnasium's
+    *("_spec", "closed", "_np_random", "_np_random_seed"),  # Gymnasium's
 )
 
 
@@ -51,12 +51,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     behaves in the same way for all ``num_envs`` and ``num_threads``.
 
     ``info`` holds ``level`` (int64, index in ``levels``), ``return`` (float64, every reward counted) and ``length`` of
-    the running episode, ``success`` and ``death`` (bool), ``factors`` (mapping of the true factors, gathered on
-    access) and ``results`` (mapping of what the task says of them, computed on access). With several trials it also holds
+    the running episode, ``success`` and ``death`` (bool), ``contacts`` and ``unresolved_contacts`` (int64, in the
+    episode), and ``factors``: the true factors by name, float64 ``(num_envs, entities)`` or ``(num_envs, entities, 2)``, 0
+    where an entity lacks one; :attr:`factors` has nan there, and says which entity is what. With several trials it also holds
     ``trial`` (int64, from 0, which episode on its level runs) and ``new_level`` (bool, whether the first one on a level has
-    just started). Where an episode ended under
-    ``SAME_STEP``, ``final_obs`` and ``final_info`` hold its end in the rows that the masks ``_final_obs`` and
-    ``_final_info`` name, and the rest of ``info`` is about the next episode.
+    just started). Beside each entry stands a mask, ``_level`` and so on (bool): which environments the entry is about.
+
+    ``autoreset_mode`` says when an episode that ended is followed by the next one, as in Gymnasium. Under ``SAME_STEP`` it is
+    in the same step: ``final_obs`` and ``final_info`` hold the end of the last one in the rows that the masks ``_final_obs``
+    and ``_final_info`` name, and the rest is about the next episode. Under ``NEXT_STEP`` it is in the next step, which ignores
+    the action and has the reward 0. Under ``DISABLED``, ``reset(options={"reset_mask": ended})`` starts it.
 
     Args:
         levels: the level set.
@@ -67,7 +71,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         task: the task; the one that the levels name where it is None, and PuttPutt where they name none.
         seed: seeds the draw of levels and the randomness in rules; fresh entropy where it is None.
         num_threads: threads over the batch; results do not depend on it.
-        autoreset_mode: ``SAME_STEP`` or ``DISABLED``.
+        autoreset_mode: ``SAME_STEP``, ``NEXT_STEP`` or ``DISABLED``.
         copy: whether arrays that ``step`` returns are the caller's to keep; otherwise later steps overwrite them.
         max_steps, sub_steps: override the task's.
         unit_actions: whether each component of an action lies in [-1, 1], which is mapped linearly to the task's range;
@@ -77,8 +81,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         render_mode: None, 'rgb_array' (:meth:`render` gives a frame of each environment, drawn for people) or 'human'
             (a window shows them).
         view: a :class:`segar.rendering.View`: size of the frames, labels, hints.
+        true_factors: whether ``info`` holds ``factors``.
         device: where episodes run: 'cpu', or an NVIDIA GPU, 'cuda' or 'cuda:1'. There, actions are torch tensors, and so is all
-            that ``reset`` and ``step`` return; ``info`` has no ``factors`` and no ``results``, ``final_obs`` and ``final_info``
+            that ``reset`` and ``step`` return; ``info`` has no ``factors``, ``final_obs`` and ``final_info``
             come with every step under ``SAME_STEP``, and what is wrong with a step may be said some steps later.
 
     Raises:
@@ -111,6 +116,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         view: View | None = None,
         device: Any = "cpu",
         trials: int = 1,
+        true_factors: bool = True,
     ) -> None:
         self._arguments = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
         instance("levels", levels, Levels, "segar.Levels, as segar.family('empty-hard').sample(100) makes them")
@@ -120,7 +126,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         instance("task", task, (Task, NoneType), "a segar.Task, such as segar.puttputt(), or None")
         instance("world", world, (World, NoneType), "a segar.World, such as segar.World(rules=...), or None")
         instance("view", view, (View, NoneType), "a segar.rendering.View, or None")
-        for name, flag in (("copy", copy), ("unit_actions", unit_actions)):
+        for name, flag in (("copy", copy), ("unit_actions", unit_actions), ("true_factors", true_factors)):
             instance(name, flag, (bool, np.bool_), "True or False")
         if len(levels) == 0:
             raise LevelError("the level set is empty")
@@ -128,19 +134,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         task = task or task_of(levels)
         limits = {"max_steps": max_steps, "sub_steps": sub_steps}
         self.task = replace(task, **{name: value for name, value in limits.items() if value is not None})
-        if not isinstance(autoreset_mode, AutoresetMode) and autoreset_mode not in [
-            mode.value for mode in AutoresetMode
-        ]:
-            raise SegarError(f"autoreset_mode {must_be(autoreset_mode, ('SameStep', 'Disabled'))}")
+        known = [mode.value for mode in AutoresetMode]
+        if not isinstance(autoreset_mode, AutoresetMode) and autoreset_mode not in known:
+            raise SegarError(f"autoreset_mode {must_be(autoreset_mode, known)}")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        if self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            raise SegarError("autoreset_mode NEXT_STEP is not offered; use SAME_STEP or DISABLED")
         modes = {"autoreset_mode": self.autoreset_mode, "render_modes": offered_modes()}
         self.metadata = {**type(self).metadata, **modes}
         self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
         self.num_envs, self.copy = num_envs, copy
         self._actions = ActionRange(self.task, bool(unit_actions))
-        self._started = False
+        self._started, self._spec = False, None
         self.render_mode, camera = render_mode, None
         if render_mode is not None:
             camera = Camera(levels, self.simulator.world, self.task, num_envs, render_mode, view)
@@ -153,8 +156,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             num_threads=num_threads,
             copy=copy,
             trials=self.trials,
-            same_step=self.autoreset_mode is AutoresetMode.SAME_STEP,
-            seed=seed_of(np.random.SeedSequence().generate_state(1, np.uint64)[0] if seed is None else seed),
+            true_factors=bool(true_factors),
+            autoreset=self.autoreset_mode,
+            seed=_fresh_seed() if seed is None else seed_of(seed),
             camera=camera,
         )
         self._episodes: Episodes = host if str(device) == "cpu" else _on_gpu(device, host)
@@ -163,6 +167,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata["render_fps"] = steps_per_second(levels, self.task)
+
+    @property
+    def spec(self) -> Any:
+        """Gymnasium's description of an environment that ``gymnasium.make_vec`` made, with the limit of its episodes."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: Any) -> None:
+        self._spec = spec if spec is None else replace(spec, max_episode_steps=self.task.max_steps)
 
     @property
     def device(self) -> Any:
@@ -189,15 +202,18 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """What observes the levels."""
         return self._episodes.observation
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
         """Start the next episodes; return observations and info.
 
         The next one of several trials is on the same level, unless the last one ran, or a seed or levels are given.
 
         Args:
-            seed: starts the sequence of episodes anew; where it is None the sequence goes on.
+            seed: starts the sequence of episodes anew; where it is None the sequence goes on. Of several seeds, one for each
+                environment (None: fresh entropy), each environment plays the episodes of a single environment of its seed,
+                or those of the place ``environment`` of a batch.
             options: ``levels`` (int, ``(num_envs,)``): the level that each environment starts on, with its first trial;
-                ``reset_mask`` (bool, ``(num_envs,)``): which environments start anew, all where it is absent.
+                ``reset_mask`` (bool, ``(num_envs,)``): which environments start anew, all where it is absent;
+                ``environment`` (int).
 
         Raises:
             LevelError: a level index is out of range, or an option is unknown or of the wrong shape.
@@ -206,14 +222,22 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         options = dict(options or {})
         mask = self._episodes.mask_of(options.pop("reset_mask", None))
         chosen = array_of("reset: option 'levels'", options.pop("levels", None), np.int64, self.num_envs)
+        place = whole_number("reset: option 'environment'", options.pop("environment", 0), 0, MOST_ENVIRONMENTS)
         if options:
             name = next(iter(options))
-            raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(str(name), ('levels', 'reset_mask'))}")
+            known = ("levels", "reset_mask", "environment")
+            raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(str(name), known)}")
         if chosen is not None:
             self._require_levels(chosen)
+        self.require_open("reset", started=False)
         if not self._started and not mask.all():
             raise SegarError("the first reset must start all environments")
         self._started = True
+        if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
+            if len(seed) != self.num_envs:
+                raise SegarError(f"reset: give one seed, or {self.num_envs}, not {len(seed)}")
+            seeds = [(_fresh_seed() if one is None else seed_of(one), place) for one in seed]
+            return self._episodes.reset(np.array(seeds, np.uint64), mask, chosen)
         return self._episodes.reset(None if seed is None else seed_of(seed), mask, chosen)
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict]:
@@ -229,9 +253,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             ActionError: wrong shape, or not finite. ConflictError: rules contradict each other in some state.
             RuleError: a number of a state, or a reward, is not finite after the step.
         """
-        if not self._started:
-            raise SegarError("call reset() before step()")
+        self.require_open("step")
         return self._episodes.step(actions)
+
+    def require_open(self, method: str, started: bool = True) -> None:
+        """Raise :class:`SegarError` after :meth:`close`, and before the first reset unless ``started`` is False."""
+        if self.closed:
+            raise SegarError(f"{method}() after close(): make other environments")
+        if started and not self._started:
+            raise SegarError(f"call reset() before {method}()")
 
     def _require_levels(self, chosen: np.ndarray) -> None:
         """Raise :class:`LevelError` where an environment shall start on a level that there is not."""
@@ -254,7 +284,22 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     @property
     def factors(self) -> Factors:
         """The true factors of all entities in the present states, which later steps leave alone."""
-        return Factors(self.levels.layout, self.state().state.values)
+        return Factors(self.levels.layout, self.levels.layout.named(self.state().state.values))
+
+    def factors_of(self, info: dict[str, Any], rows: Any = slice(None)) -> Factors:
+        """The true factors that ``info`` of a step, or its ``final_info``, holds, with nan where an entity lacks one.
+
+        Args:
+            rows: of which environments: a slice, int ``(k,)`` or bool ``(num_envs,)``.
+
+        Raises:
+            LevelError: an environment goes on with a level that was replaced.
+        """
+        layout, level = self.levels.layout, info["level"][rows]
+        if (level < 0).any():
+            raise LevelError("the level of an environment was replaced; env.factors has the present factors")
+        lacks = layout.named(np.isnan(self.levels.values[level]))
+        return Factors(layout, {name: np.where(lacks[name], np.nan, info["factors"][name][rows]) for name in lacks})
 
     def in_action_space(self, actions: np.ndarray) -> np.ndarray:
         """Actions of the task's range ``[..., action size]`` as the action space has them (``unit_actions``), float32."""
@@ -278,8 +323,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         camera = self._episodes.camera
         if camera is None:
             return None
-        if not self._started:
-            raise SegarError("call reset() before render()")
+        self.require_open("render")
         return camera.render(self._episodes.now)
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -335,8 +379,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Raises:
             LevelError: no entity of that name, or it has no such factor in a chosen environment.
         """
-        if not self._started:
-            raise SegarError("call reset() before intervene()")
+        self.require_open("intervene")
         layout = self.levels.layout
         layout.slot_index(entity)
         if not (isinstance(factor, type) and issubclass(factor, Factor)):
@@ -374,6 +417,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             LevelError: the weights do not fit the levels. SegarError: episodes run on a GPU.
         """
         self._episodes.set_level_weights(weights)
+
+
+def _fresh_seed() -> int:
+    return int(np.random.SeedSequence().generate_state(1, np.uint64)[0])
 
 
 def _on_gpu(device: Any, host: HostEpisodes) -> "Episodes":

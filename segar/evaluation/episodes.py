@@ -82,12 +82,12 @@ def _played(env: VectorEnv, policy: Policy, start: tuple[Any, dict[str, Any]]) -
     results: dict[str, np.ndarray] = {}
     for now in play(env, policy, start, trials):
         if now.ended.any():
-            _note(now, np.flatnonzero(now.ended), whole, results, trials)
+            _note(env, now, np.flatnonzero(now.ended), whole, results)
     return whole, results
 
 
 def _note(
-    now: TimeStep, ended: np.ndarray, whole: Mapping[str, np.ndarray], results: dict[str, np.ndarray], trials: int
+    env: VectorEnv, now: TimeStep, ended: np.ndarray, whole: Mapping[str, np.ndarray], results: dict[str, np.ndarray]
 ) -> None:
     """Write what came of the episodes that end in this step, those of the rows ``ended``."""
     final, place = now.info["final_info"], (now.trial[ended], ended)
@@ -95,9 +95,9 @@ def _note(
         whole[name][place] = final[name][ended]
     whole["returns"][place] = final["return"][ended]
     whole["returns_ref"][place] = final["return"][ended] - now.reward[ended]
-    for name, values in final["results"].items():
-        values = np.asarray(values)
-        results.setdefault(name, np.zeros((trials, *values.shape), values.dtype))[place] = values[ended]
+    for name, values in env.task.results_of(env.factors_of(final, ended)).items():
+        shape = (env.trials, env.num_envs, *values.shape[1:])
+        results.setdefault(name, np.zeros(shape, values.dtype))[place] = values
 
 
 def _joined(parts: list[Columns]) -> PlayedEpisodes:

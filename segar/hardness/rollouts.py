@@ -194,7 +194,7 @@ def scripted(starts: Starts) -> Policy | None:
     task, layout = starts.task, starts.levels.layout
     if task.demo_actions is None:
         return None
-    return lambda values: task.scripted_actions(Factors(layout, values))
+    return lambda values: task.scripted_actions(Factors(layout, layout.named(values)))
 
 
 def uniform_actions(task: Task, n: int, steps: int, rng: np.random.Generator) -> np.ndarray:

@@ -61,9 +61,6 @@ from .factors import (
 from .layout import (
     Factors as Factors,
     Layout as Layout,
-    Results as Results,
-    SingleFactors as SingleFactors,
-    SingleResults as SingleResults,
     Slot as Slot,
     holds as holds,
     matches as matches,
@@ -138,7 +135,7 @@ from .symbols import (
     operands_first as operands_first,
     walk as walk,
 )
-from .task import Task, TaskFunctions as TaskFunctions
+from .task import NO_LIMIT as NO_LIMIT, Task, TaskFunctions as TaskFunctions
 from .tracing import (
     Branch as Branch,
     EffectExpression as EffectExpression,

@@ -5,18 +5,16 @@ distribution can have; a slot lists the entity types that may fill it. All slots
 lacks a factor holds nan there.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from segar.errors import LevelError, SegarError, did_you_mean
+from segar.errors import LevelError, did_you_mean
 from segar.language.entities import Entity, entity_name
 from segar.language.factors import Factor, Friction
 from segar.language.parameters import BUILT_IN_PARAMETERS, FloorFriction, Parameter
-from segar.language.pickling import packed, unpacked
 from segar.language.signature import Pattern
 
 
@@ -76,6 +74,14 @@ class Layout:
     def by_name(self) -> dict[str, tuple[type[Factor], int]]:
         """Factor name -> (factor, its first column)."""
         return {factor.__name__: (factor, column) for factor, column in self.columns.items()}
+
+    def named(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """The factors of states ``(..., entities, columns)`` by name, as views: ``(..., entities)``, of vectors with a last
+        axis of 2; nan where an entity lacks the factor."""
+        return {
+            name: values[..., column] if factor.width == 1 else values[..., column : column + factor.width]
+            for name, (factor, column) in self.by_name.items()
+        }
 
     @cached_property
     def width(self) -> int:
@@ -171,55 +177,37 @@ def _common_parent(types: tuple[type[Entity], ...]) -> type[Entity]:
     return next(c for c in types[0].__mro__ if issubclass(c, Entity) and all(issubclass(t, c) for t in types))
 
 
-class OnAccess(Mapping[str, Any]):
-    """Named values that are computed when they are read, by the ``__getitem__`` of a sub-class, which sets ``_names``."""
+class Factors(Mapping[str, np.ndarray]):
+    """Factors by name, and where entities are among them: what functions of a task and scripted players are given.
 
-    _names: Collection[str]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._names
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def __eq__(self, other: object) -> bool:
-        """Whether the other mapping holds equal arrays, nan equal to nan."""
-        if not isinstance(other, Mapping) or self.keys() != other.keys():
-            return False
-        return all(_same(np.asarray(self[name]), np.asarray(other[name])) for name in self)
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(self._names)})"
-
-
-class Factors(OnAccess):
-    """Factor name to float64 ``(num_envs, entities)``, vectors ``(num_envs, entities, 2)``; nan where an entity lacks it.
-
-    The object belongs to the step that returned it. If a caller still holds it when the next step begins, it gets a copy
-    of the state.
+    Args:
+        layout: of the levels.
+        arrays: name to float64 ``(num_envs, entities)``, vectors ``(num_envs, entities, 2)``, nan where an entity lacks the
+            factor: ``info["factors"]``, or :meth:`Layout.named`. Of a single environment, they have no first axis.
     """
 
-    def __init__(self, layout: Layout, values: np.ndarray, rows: np.ndarray | None = None, num_envs: int = 0) -> None:
-        self._layout, self._values, self._rows, self._num_envs = layout, values, rows, num_envs
-        self._names = layout.by_name
+    def __init__(self, layout: Layout, arrays: Mapping[str, np.ndarray]) -> None:
+        self._layout, self._arrays = layout, arrays
 
     @property
     def entities(self) -> tuple[str, ...]:
-        """Names of the entities, in the order of the arrays' second axis."""
+        """Names of the entities, in the order of the arrays' axis."""
         return self._layout.names
 
     @property
     def num_envs(self) -> int:
         """Length of the arrays' first axis."""
-        return len(self._values) if self._rows is None else self._num_envs
+        return len(self._arrays[next(iter(self))])
+
+    def batch(self) -> "Factors":
+        """The factors as those of a batch: the same, or a batch of one of a single environment."""
+        name = next(iter(self))
+        if self._arrays[name].ndim > self._layout.factor(name).width:
+            return self
+        return Factors(self._layout, {name: self._arrays[name][None] for name in self})
 
     def slots(self, entity_type: type[Entity]) -> list[int]:
-        """Places in the arrays' second axis where only entities of this type can be; raises :class:`LevelError`."""
+        """Places of the arrays' entities where only entities of this type can be; raises :class:`LevelError`."""
         slots = self._layout.slots
         found = [k for k, slot in enumerate(slots) if all(issubclass(t, entity_type) for t in slot.types)]
         if not found:
@@ -227,79 +215,15 @@ class Factors(OnAccess):
         return found
 
     def __getitem__(self, name: str) -> np.ndarray:
-        factor = self._layout.factor(name)
-        column = self._layout.columns[factor]
-        part = self._values[:, :, column : column + factor.width]
-        if self._rows is not None:
-            full = np.full((self._num_envs, *part.shape[1:]), np.nan)
-            full[self._rows] = part
-            part = full
-        return part.copy() if factor.width == 2 else part[:, :, 0].copy()
+        """A copy of the factor called ``name``; raises :class:`LevelError`."""
+        self._layout.factor(name)
+        return self._arrays[name].copy()
 
-    def keep(self) -> None:
-        """Take a copy of the state, since the batch is about to change."""
-        self._values = self._values.copy()
+    def __contains__(self, name: object) -> bool:
+        return name in self._layout.by_name
 
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._layout.by_name)
 
-class Results(OnAccess):
-    """The results of a task in the state that ``factors`` hold: name to array ``(num_envs, ...)``, computed when read."""
-
-    def __init__(self, functions: Mapping[str, Callable[[Factors], np.ndarray]], factors: Factors) -> None:
-        self._functions, self._factors, self._names = functions, factors, functions
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _results, (packed(self._functions), self._factors)
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._functions:
-            raise SegarError(f"this task has no result '{name}'.{did_you_mean(name, self._functions)}")
-        values, expected = self._functions[name](self._factors), self._factors.num_envs
-        shape = tuple(np.shape(values))
-        if shape[:1] != (expected,):
-            raise SegarError(
-                f"the result '{name}' of the task has the shape {shape} for {expected} environments. It must return an array"
-                " (num_envs, ...), a row for each environment"
-            )
-        return values
-
-
-class SingleResults(OnAccess):
-    """The results of a batch of one: numbers and truths, or arrays where a result is one; see :class:`Results`."""
-
-    def __init__(self, batch: Results) -> None:
-        self._batch = self._names = batch
-
-    def __getitem__(self, name: str) -> Any:
-        value = np.asarray(self._batch[name])[0]
-        return value.item() if value.ndim == 0 else value
-
-
-class SingleFactors(OnAccess):
-    """The factors of a batch of one: float64 ``(entities,)`` or ``(entities, 2)``; see :class:`Factors`.
-
-    Attributes:
-        batch: the same as :class:`Factors` of one environment.
-    """
-
-    def __init__(self, batch: Factors) -> None:
-        self.batch = self._names = batch
-
-    @property
-    def entities(self) -> tuple[str, ...]:
-        """Names of the entities, in the order of the arrays' first axis."""
-        return self.batch.entities
-
-    def slots(self, entity_type: type[Entity]) -> list[int]:
-        """Places in the arrays' first axis where only entities of this type can be."""
-        return self.batch.slots(entity_type)
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        return self.batch[name][0]
-
-
-def _results(functions: Mapping[str, Any], factors: Factors) -> Results:
-    return Results(unpacked(functions), factors)
-
-
-def _same(a: np.ndarray, b: np.ndarray) -> bool:
-    return np.array_equal(a, b, equal_nan=a.dtype.kind == "f" and b.dtype.kind == "f")
+    def __len__(self) -> int:
+        return len(self._layout.by_name)

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
-from segar.language.layout import Factors, SingleFactors
+from segar.language.layout import Factors
 from segar.language.pickling import packed, unpacked
 from segar.language.rule_definition import Rule, as_rule, value_rule
 
 Function = Callable[..., Any]
+NO_LIMIT = 2**62
+"""``max_steps`` of episodes that somebody else ends, such as Gymnasium's ``TimeLimit``."""
 FUNCTIONS = ("act", "reward", "terminated", "success", "death")
 
 
@@ -65,8 +67,8 @@ class Task:
         action_low, action_high: range of each number of the action; values outside are clipped.
         max_steps: an episode is truncated after this many steps.
         sub_steps: sub-steps per step.
-        results: name to a function of ``info["factors"]`` that returns an array ``(num_envs, ...)``. ``info`` and
-            ``final_info`` hold it under ``"results"``; it is computed only when it is read.
+        results: name to a function of the :class:`Factors` of a batch of environments that returns an array
+            ``(num_envs, ...)``. :meth:`results_of` calls them.
         demo_actions: function of the :class:`Factors` of a batch of environments that gives the actions of a scripted
             player, float32 ``(num_envs, action size)``, for demonstrations and for comparison. Whoever plays it calls
             :meth:`scripted_actions`, so that it always gets a batch, of one environment too.
@@ -113,21 +115,21 @@ class Task:
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
                 raise SegarError(f"task {self.name}: {name} must be a whole number of at least 1, not {value!r}")
 
-    def scripted_actions(self, factors: Factors | SingleFactors) -> np.ndarray:
+    def scripted_actions(self, factors: Factors) -> np.ndarray:
         """The actions of the scripted player, float32 ``(num_envs, action size)``; ``(action size,)`` of a single environment.
 
         Args:
-            factors: ``info["factors"]`` of a batch or of a single environment.
+            factors: ``env.factors``, of a batch or of a single environment.
 
         Raises:
             SegarError: the task has no scripted player, or ``demo_actions`` returns an array of another shape.
         """
         if self.demo_actions is None:
             raise SegarError(
-                f"task {self.name} has no scripted player. Give the task demo_actions=, a function of info['factors'] that"
-                " returns actions of shape (num_envs, action size); or let another policy play"
+                f"task {self.name} has no scripted player. Give the task demo_actions=, a function of factors that returns"
+                " actions of shape (num_envs, action size); or let another policy play"
             )
-        batch = factors.batch if isinstance(factors, SingleFactors) else factors
+        batch = _batch(factors)
         actions = np.asarray(self.demo_actions(batch), np.float32)
         expected = (batch.num_envs, len(self.action_low))
         if actions.shape != expected:
@@ -136,7 +138,28 @@ class Task:
                 f" {expected}, not {actions.shape}. The factors that it is given lead with the environment, of one"
                 " environment too: factors['Position'] has the shape (num_envs, entities, 2)"
             )
-        return actions[0] if isinstance(factors, SingleFactors) else actions
+        return actions if batch is factors else actions[0]
+
+    def results_of(self, factors: Factors) -> dict[str, Any]:
+        """What :attr:`results` say of states, by name: arrays ``(num_envs, ...)``; numbers and truths, or arrays without the
+        first axis, of a single environment.
+
+        Args:
+            factors: ``env.factors``, or ``env.factors_of(info)``.
+
+        Raises:
+            SegarError: a function returns an array of another shape.
+        """
+        batch, found = _batch(factors), {}
+        for name, function in self.results.items():
+            array = np.asarray(function(batch))
+            if array.shape[:1] != (batch.num_envs,):
+                raise SegarError(
+                    f"the result '{name}' of the task has the shape {array.shape} for {batch.num_envs} environments. It must"
+                    " return an array (num_envs, ...), a row for each environment"
+                )
+            found[name] = array if batch is factors else array[0] if array.ndim > 1 else array.item()
+        return found
 
     def __getstate__(self) -> dict[str, Any]:
         return packed(vars(self))
@@ -159,6 +182,13 @@ class Task:
 
 def _truths(functions: Function | tuple[Function, ...]) -> tuple[Rule, ...]:
     return tuple(value_rule(function, truth=True) for function in _several(functions))
+
+
+def _batch(factors: Any) -> Factors:
+    """The factors as those of a batch."""
+    if not isinstance(factors, Factors):
+        raise SegarError("give env.factors; info['factors'] does not say which entity is what")
+    return factors.batch()
 
 
 def _several(functions: Function | tuple[Function, ...]) -> tuple[Function, ...]:

@@ -1,3 +1,4 @@
+from .composed.composed import recall_array as recall_array
 from .composed.multi import Joined, Multi, OneOf, make_observation as make_observation, trained_on as trained_on
 from .composed.past import PreviousActions, PreviousStep
 from .composed.stack import Stack

@@ -10,7 +10,7 @@ import numpy as np
 
 from segar.engine import State
 from segar.errors import SegarError, did_you_mean
-from segar.language import Framerate, Task, WorldRules
+from segar.language import NO_LIMIT, Framerate, Task, WorldRules
 from segar.levels import Levels
 from segar.rendering.plain_frames import PlainFrames
 from segar.rendering.scene import Stage, View
@@ -126,7 +126,8 @@ def offered_modes() -> list[str]:
 
 def status_line(task: Task, now: Episodes, row: int, verdict: str = "") -> str:
     """The text below the arena of an environment: step, return and level, and how the episode ended."""
-    line = f"step {now.lengths[row]} / {task.max_steps}    return {now.returns[row]:.3f}"
+    limit = "" if task.max_steps == NO_LIMIT else f" / {task.max_steps}"
+    line = f"step {now.lengths[row]}{limit}    return {now.returns[row]:.3f}"
     line += f"    level {now.state.level[row]}    {task.name}"
     return (f"{line}    {verdict}" if verdict else line).replace("-0.000", "0.000")
 

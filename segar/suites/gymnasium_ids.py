@@ -7,6 +7,9 @@ does not make the first one out of date, which Gymnasium would say otherwise.
 from segar.envs import OBSERVATION_NAMES, register_id
 from segar.suites.suite_names import SIDES, suites
 
+MAKERS = "segar.suites.registration"
+MAX_STEPS = 50  # of all their tasks
+
 
 def register_suites() -> None:
     """Register the ids of all suites, of which no file is read; ids that are registered already stay as they are."""
@@ -14,4 +17,4 @@ def register_suites() -> None:
         for side in SIDES:
             for observation in OBSERVATION_NAMES:
                 options = {"suite_name": name, "side": side, "observation": observation}
-                register_id(f"Segar/{name}-{side}-{observation}", "segar.suites.registration", **options)
+                register_id(f"Segar/{name}-{side}-{observation}", MAKERS, MAX_STEPS, **options)

@@ -127,7 +127,7 @@ def demo_actions(factors: Factors, impulse: float = IMPULSE) -> np.ndarray:
 
     Of all balls on the table and all pockets it takes the pair that the cue ball is most nearly in line with, and goes
     for the place from which it would touch the ball on the line to the pocket. It looks one push ahead and no farther,
-    so it falls into pockets itself now and then. It sees ``info["factors"]``, of one environment too.
+    so it falls into pockets itself now and then. It sees ``env.factors``, of one environment too.
     """
     cue, balls, pockets = factors.slots(CueBall)[0], factors.slots(Ball), factors.slots(Hole)
     x, radius = factors["Position"], factors["Size"] / 2

@@ -43,7 +43,7 @@ class StateVector(StateOptions):
     """The factors of things in fixed places, float32: one after the other, or as a table ``[slots, features]``.
 
     Its shape depends on the distribution alone. Unless other ``entities`` are chosen, each slot that can hold a thing
-    has its place, in the order of ``info["factors"].entities``. As a vector, a slot shows the factors that its types
+    has its place, in the order of ``env.levels.layout.names``. As a vector, a slot shows the factors that its types
     have; as a table, all slots have the same columns. Where the level decides the type, there is one number per type,
     1 for the one that fills the slot. What is invisible to pixels (Invisiball's ball, what is dead or swallowed) is
     shown like everything else, unless it is not to be seen.

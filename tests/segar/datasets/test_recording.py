@@ -63,13 +63,13 @@ def play_again(levels, episode, options, observation, **env_options):
     """What an environment of one's own shows when the actions of an episode are taken again."""
     n = options["environment"] + 1
     env = VectorEnv(levels, n, observation=observation, autoreset_mode="Disabled", **env_options)
-    seen, info = env.reset(seed=options["seed"], options={"levels": np.full(n, options["level"])})
+    seen, _ = env.reset(seed=options["seed"], options={"levels": np.full(n, options["level"])})
     for _ in range(options.get("trial", 0)):
-        seen, info = env.reset()
-    found = [(seen[-1], {name: value[-1] for name, value in info["factors"].items()})]
+        seen, _ = env.reset()
+    found = [(seen[-1], {name: value[-1] for name, value in env.factors.items()})]
     for action in episode.actions:
-        seen, *_, info = env.step(np.tile(action, (n, 1)))
-        found.append((seen[-1], {name: value[-1] for name, value in info["factors"].items()}))
+        seen = env.step(np.tile(action, (n, 1)))[0]
+        found.append((seen[-1], {name: value[-1] for name, value in env.factors.items()}))
     return found
 
 
@@ -117,8 +117,25 @@ def test_composed_and_random_observations_are_played_again_as_well(levels, obser
 def test_the_environment_is_recovered_with_its_levels(recorded):
     env = recorded.recover_environment()
     assert hash_of_levels(env.unwrapped.levels) == hash_of_levels(levels_of(recorded))
-    assert env.spec.id == "Segar-objectsx1-hard-rgb-v0" and env.unwrapped.task.max_steps == 9
+    assert env.spec.id == "Segar-objectsx1-hard-rgb-v0" and env.spec.max_episode_steps == 9
     assert env.observation_space.shape == (64, 64, 3)
+
+
+def test_the_recovered_environment_plays_every_recorded_episode_again(recorded):
+    env = recorded.recover_environment()
+    for episode, options in zip(recorded, options_in(recorded), strict=True):
+        seen = [env.reset(options=options)[0]] + [env.step(action)[0] for action in episode.actions]
+        np.testing.assert_array_equal(seen, episode.observations)
+
+
+@pytest.mark.usefixtures("plain_source")
+@pytest.mark.parametrize("trials", [1, 2])
+def test_an_environment_takes_the_place_of_the_one_that_was_recorded(trembling, trials):
+    dataset = record(f"t{trials}-v0", trembling, episodes=6, batch=3, max_steps=5, observation="state", trials=trials)
+    env = segar.envs.Env(trembling, max_steps=5, trials=trials)
+    for episode, options in zip(dataset, options_in(dataset), strict=True):
+        seen = [env.reset(options=options)[0]] + [env.step(action)[0] for action in episode.actions]
+        np.testing.assert_array_equal(seen, episode.observations)
 
 
 def test_a_replay_that_differs_says_where(recorded, root):

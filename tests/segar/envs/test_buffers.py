@@ -131,15 +131,3 @@ def test_factors_of_a_step_stay_as_they_were_while_they_are_held(hold):
     steps(env, 4)
     for holder, position in held:
         np.testing.assert_array_equal(holder["factors"]["Position"], position)
-
-
-def test_results_of_a_step_stay_as_they_were_while_they_are_held():
-    levels = segar.family("billiards").sample(2, seed=0)
-    env = VectorEnv(levels, 2, seed=0)
-    env.reset()
-    results = env.step(np.full((2, 2), 0.9, np.float32))[-1]["results"]
-    before = {name: np.array(results[name]) for name in results}
-    steps(env, 10)
-    assert before
-    for name, value in before.items():
-        np.testing.assert_array_equal(results[name], value)

@@ -53,7 +53,7 @@ def same(host: Any, device: Any) -> bool:
     return device.dtype == torch.from_numpy(host).dtype and host.tobytes() == device.cpu().numpy().tobytes()
 
 
-NOT_THERE = ("factors", "results")
+NOT_THERE = ("factors", "_factors")
 
 
 def same_info(host: dict[str, Any], device: dict[str, Any]) -> bool:

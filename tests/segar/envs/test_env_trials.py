@@ -120,7 +120,7 @@ def test_a_restored_snapshot_goes_on_with_its_trials(tmp_path: Path):
 
 
 def test_gymnasium_resets_go_to_the_next_trial():
-    env = gymnasium.make("Segar-objectsx1-easy-state-v0", num_levels=30, trials=3, max_steps=STEPS).unwrapped
+    env = gymnasium.make("Segar-objectsx1-easy-state-v0", num_levels=30, trials=3).unwrapped
     assert isinstance(env, Env)
     infos = [env.reset(seed=0)[1]] + [env.reset()[1] for _ in range(6)]
     assert [info["trial"] for info in infos] == [0, 1, 2, 0, 1, 2, 0]

@@ -163,7 +163,7 @@ def test_levels_of_one_split_keep_their_origin_and_others_have_none():
 def test_all_interfaces_take_levels_and_weights(kind):
     weights = np.eye(8)[3]
     options: dict[str, Any] = {"seed": 3, "max_steps": STEPS}
-    named = {**options, "num_levels": 8, "seed": 0}
+    named = {"max_episode_steps": STEPS, "num_levels": 8, "seed": 0}
     if kind == "env":
         env: Any = Env(LEVELS, render_mode="rgb_array", **options)
     elif kind == "gym":

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 import torch
 from tensordict import TensorDict
+from torchrl.envs import EnvBase, GymEnv, GymWrapper, TransformedEnv
 from torchrl.envs.utils import check_env_specs
+from torchrl.record import PixelRenderTransform
 
 import segar
 from tests.segar.envs.test_gym import IDS, QUICK
@@ -34,3 +36,40 @@ def test_a_rollout_is_the_vector_environments_rollout() -> None:
         current = ours.step(TensorDict({"action": torch.from_numpy(action)}, [4]))["next"]
         observations, reward, *_ = plain.step(action)
         np.testing.assert_allclose(current["reward"].numpy()[:, 0], reward, rtol=1e-6)
+
+
+def by_id(mode: str, **options) -> EnvBase:
+    return GymWrapper(gymnasium.make_vec(QUICK[0], 3, vectorization_mode=mode, num_levels=3, **options))
+
+
+DISABLED = gymnasium.vector.AutoresetMode.DISABLED
+GYM = {
+    "an id": lambda: GymEnv(QUICK[0], num_levels=3),
+    "frames of an id": lambda: GymEnv(QUICK[1], num_levels=3),
+    "pixels": lambda: GymEnv(QUICK[0], num_levels=3, from_pixels=True, view=segar.rendering.View(size=64)),
+    "repeated actions": lambda: GymEnv(QUICK[0], num_levels=3, frame_skip=2),
+    "a single environment": lambda: GymWrapper(segar.envs.Env(LEVELS)),
+    "a batch by an id": lambda: by_id("vector_entry_point"),
+    "a batch that is reset by TorchRL": lambda: by_id("vector_entry_point", autoreset_mode="Disabled"),
+    "a batch of Gymnasium's": lambda: by_id("sync", vector_kwargs={"autoreset_mode": DISABLED}),
+    "a batch": lambda: GymWrapper(segar.envs.VectorEnv(LEVELS, 3, true_factors=False)),
+}
+LEVELS = segar.family("empty-hard").sample(3, seed=0)
+
+
+@pytest.mark.parametrize("name", GYM)
+def test_torchrls_own_wrappers_take_environments_of_gymnasium(name):
+    env = GYM[name]()
+    check_env_specs(env)
+    env.set_seed(0)
+    found = env.rollout(120, break_when_any_done=False)
+    assert found["next", "done"].any() and found["next", "reward"].isfinite().all()
+    env.close()
+
+
+def test_frames_for_people_become_an_entry():
+    env = segar.envs.TorchRLEnv(LEVELS, 2, render_mode="rgb_array", view=segar.rendering.View(size=64))
+    frames = TransformedEnv(env, PixelRenderTransform(out_keys=["frames"])).rollout(3)["next", "frames"]
+    assert frames.shape == (2, 3, 64, 64, 3) and frames.dtype == torch.uint8 and (frames[:, 0] != frames[:, 2]).any()
+    with pytest.raises(segar.SegarError, match="render_mode='rgb_array'"):
+        segar.envs.TorchRLEnv(LEVELS, 2).render()

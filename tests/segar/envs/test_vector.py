@@ -60,7 +60,9 @@ def test_reset_starts_the_levels_that_it_is_told() -> None:
     _, info = env.reset(options={"levels": wanted})
     assert np.array_equal(info["level"], wanted)
     start = LEVELS.values[wanted][:, :, LEVELS.layout.columns[segar.Mass]]
-    np.testing.assert_array_equal(info["factors"]["Mass"], start)
+    np.testing.assert_array_equal(env.factors["Mass"], start)
+    np.testing.assert_array_equal(env.factors_of(info)["Mass"], start)
+    np.testing.assert_array_equal(info["factors"]["Mass"], np.nan_to_num(start))
 
 
 def test_same_step_autoreset_tells_the_end_of_an_episode_and_the_start_of_the_next() -> None:
@@ -178,9 +180,9 @@ def test_bad_reset_options_are_errors(options: dict, words: str) -> None:
 
 def test_misspelt_names_get_the_nearest_right_one() -> None:
     env = VectorEnv(LEVELS, 1, seed=0)
-    _, info = env.reset()
+    env.reset()
     with pytest.raises(segar.errors.LevelError, match="Did you mean 'Mass'"):
-        info["factors"]["Mas"]
+        env.factors["Mas"]
     with pytest.raises(segar.errors.LevelError, match="Did you mean 'golfball'"):
         env.intervene("golfbal", segar.Mass, 1.0)
     with pytest.raises(segar.SegarError, match="Did you mean 'state'"):

@@ -16,7 +16,7 @@ def at_random(seed: int = 0) -> Callable[[dict], np.ndarray]:
 
 def by_script(env: VectorEnv) -> Callable[[dict], np.ndarray]:
     """The scripted player of the environment's task."""
-    return lambda info: env.task.demo_actions(info["factors"])
+    return lambda info: env.task.demo_actions(env.factors)
 
 
 def episodes(env: VectorEnv, policy: Callable[[dict], np.ndarray], steps: int = 100) -> dict[str, np.ndarray]:
@@ -28,6 +28,7 @@ def episodes(env: VectorEnv, policy: Callable[[dict], np.ndarray], steps: int = 
         for e in np.flatnonzero(info.get("_final_info", ())):
             final = info["final_info"]
             row = {k: v[e] for k, v in final.items() if isinstance(v, np.ndarray)}
-            found[e] = found[e] or row | {k: v[e] for k, v in final["results"].items()}
+            results = env.task.results_of(env.factors_of(final, [e]))
+            found[e] = found[e] or row | {k: v[0] for k, v in results.items()}
     assert all(found), "some first episode has not ended"
     return {key: np.array([row[key] for row in found]) for key in found[0]}

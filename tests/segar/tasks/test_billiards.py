@@ -34,6 +34,10 @@ def put_into_a_pocket(env: VectorEnv, name: str, where: np.ndarray) -> None:
         env.intervene(name, factor, value, where=where)
 
 
+def results(env: VectorEnv) -> dict:
+    return env.task.results_of(env.factors)
+
+
 STILL = np.zeros((4, 2), np.float32)
 FIRST = np.array([True, False, False, False])
 
@@ -112,11 +116,11 @@ def test_a_ball_in_a_pocket_is_paid_in_that_step_and_off_the_table_in_the_next()
     _, reward, terminated, _, info = env.step(STILL)
     factors, three = info["factors"], LAYOUT.slot_index("ball3")
     assert reward.tolist() == [1, 0, 0, 0] and not terminated.any()
-    assert info["results"]["balls_potted"].tolist() == [1, 0, 0, 0]
+    assert results(env)["balls_potted"].tolist() == [1, 0, 0, 0]
     assert (factors["Done"][0, three], factors["Visible"][0, three], factors["Alive"][0, three]) == (1, 0, 1)
     _, reward, _, _, info = env.step(STILL)
     assert reward.tolist() == [0, 0, 0, 0] and info["factors"]["Alive"][:, three].tolist() == [0, 1, 1, 1]
-    assert info["results"]["balls_potted"].tolist() == [1, 0, 0, 0] and not info["death"].any()
+    assert results(env)["balls_potted"].tolist() == [1, 0, 0, 0] and not info["death"].any()
 
 
 def test_what_was_paid_is_part_of_the_state():
@@ -136,7 +140,7 @@ def test_a_clear_table_is_success_and_the_end():
             env.intervene(f"ball{k}", factor, value, where=FIRST if k == 10 else np.array([True, True, False, False]))
     _, reward, terminated, _, info = env.step(STILL)
     assert terminated.tolist() == info["success"].tolist() == [True, False, False, False]
-    assert reward.tolist() == [0, 0, 0, 0] and info["results"]["balls_potted"].tolist() == [10, 9, 0, 0]
+    assert reward.tolist() == [0, 0, 0, 0] and results(env)["balls_potted"].tolist() == [10, 9, 0, 0]
 
 
 def test_a_cue_ball_in_a_pocket_is_the_end_but_no_death_and_no_success():
@@ -145,7 +149,7 @@ def test_a_cue_ball_in_a_pocket_is_the_end_but_no_death_and_no_success():
     _, reward, terminated, _, info = env.step(STILL)
     assert terminated.tolist() == [True, False, False, False]
     assert not info["success"].any() and not info["death"].any() and reward.tolist() == [0, 0, 0, 0]
-    assert info["results"]["distance_to_pocket"][0] < 0.02 < info["results"]["distance_to_pocket"][1:].min()
+    assert results(env)["distance_to_pocket"][0] < 0.02 < results(env)["distance_to_pocket"][1:].min()
 
 
 def test_a_cue_ball_that_loses_its_mass_is_dead_and_costs_the_penalty():
@@ -154,7 +158,7 @@ def test_a_cue_ball_that_loses_its_mass_is_dead_and_costs_the_penalty():
     _, reward, terminated, _, info = env.step(STILL)
     assert reward.tolist() == [-100, 0, 0, 0]
     assert terminated.tolist() == info["death"].tolist() == [True, False, False, False]
-    assert info["results"]["alive"].tolist() == [False, True, True, True]
+    assert results(env)["alive"].tolist() == [False, True, True, True]
 
 
 def test_the_scripted_player_pots_more_than_twice_as_many_as_random_play():
@@ -170,7 +174,7 @@ def test_balls_that_are_down_are_not_aimed_at():
     for k in range(2, 11):
         env.intervene(f"ball{k}", Done, True)
     info = env.step(STILL)[-1]
-    push = env.task.demo_actions(info["factors"]) * m
+    push = env.task.demo_actions(env.factors) * m
     towards = x[:, only] - x[:, CUE]
     assert push.shape == (4, 2) and push.dtype == np.float32 and np.abs(push).max() <= 1
     assert ((push * towards).sum(axis=1) > 0).all()

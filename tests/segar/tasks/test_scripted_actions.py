@@ -38,9 +38,9 @@ mine = task(batched)
 
 def test_a_single_environment_and_a_batch_of_one_have_the_same_action():
     single, batch = Env(LEVELS, task=mine, seed=0), VectorEnv(LEVELS, 1, task=mine, seed=0)
-    _, info = single.reset(seed=0, options={"level": 1})
-    _, infos = batch.reset(seed=0, options={"levels": np.array([1])})
-    action, actions = mine.scripted_actions(info["factors"]), mine.scripted_actions(infos["factors"])
+    single.reset(seed=0, options={"level": 1})
+    batch.reset(seed=0, options={"levels": np.array([1])})
+    action, actions = mine.scripted_actions(single.factors), mine.scripted_actions(batch.factors)
     assert action.shape == (2,) and actions.shape == (1, 2) and action.dtype == np.float32
     np.testing.assert_array_equal(action, actions[0])
 
@@ -49,9 +49,9 @@ def test_a_single_environment_and_a_batch_of_one_have_the_same_action():
 def test_the_players_of_built_in_tasks_take_batches_and_single_environments(name):
     levels = segar.family("billiards" if "billiards" in name else "empty-easy").sample(2, seed=0)
     env = Env(levels, task=TASKS[name](), seed=0)
-    _, info = env.reset(seed=0)
-    single = env.task.scripted_actions(info["factors"])
-    np.testing.assert_array_equal(single, env.task.demo_actions(info["factors"]))
+    env.reset(seed=0)
+    single = env.task.scripted_actions(env.factors)
+    np.testing.assert_array_equal(single, env.task.demo_actions(env.factors))
 
 
 def test_all_callers_give_a_batch(tmp_path, monkeypatch, capsys):
@@ -64,8 +64,11 @@ def test_all_callers_give_a_batch(tmp_path, monkeypatch, capsys):
 
 
 def test_actions_of_another_shape_are_refused_with_the_one_that_is_wanted():
-    _, info = VectorEnv(LEVELS, 3, task=task(unbatched), seed=0).reset()
+    env = VectorEnv(LEVELS, 3, task=task(unbatched), seed=0)
+    _, info = env.reset()
     with pytest.raises(SegarError, match=r"task mine: demo_actions must return .* of shape \(3, 2\), not \(2,\)"):
-        task(unbatched).scripted_actions(info["factors"])
+        task(unbatched).scripted_actions(env.factors)
     with pytest.raises(SegarError, match=r"task mine has no scripted player\. Give the task demo_actions="):
-        task(None).scripted_actions(info["factors"])
+        task(None).scripted_actions(env.factors)
+    with pytest.raises(SegarError, match=r"give env\.factors; info\['factors'\] does not say which entity is what"):
+        mine.scripted_actions(info["factors"])

@@ -1,0 +1,115 @@
+"""Packages of others, over environments that were made in each way."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.vector import SyncVectorEnv
+from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import (
+    DummyVecEnv,
+    VecCheckNan,
+    VecFrameStack,
+    VecMonitor,
+    VecNormalize,
+    VecTransposeImage,
+)
+
+import segar
+from segar.envs import Env, VectorEnv
+
+STATE, FRAMES = "Segar-empty-hard-state-v0", "Segar-empty-hard-rgb-v0"
+LEVELS = segar.family("empty-hard").sample(5, seed=0)
+N, STEPS = 3, 4
+SINGLE: dict[str, Callable[[], gymnasium.Env]] = {
+    "id": lambda: gymnasium.make(STATE, num_levels=5, max_episode_steps=STEPS),
+    "frames": lambda: gymnasium.make(FRAMES, num_levels=5, max_episode_steps=STEPS),
+    "class": lambda: Env(LEVELS, max_steps=STEPS),
+}
+BATCHES: dict[str, Callable[[], gymnasium.vector.VectorEnv]] = {
+    "native": lambda: gymnasium.make_vec(STATE, N, num_levels=5, max_episode_steps=STEPS),
+    "class": lambda: VectorEnv(LEVELS, N, max_steps=STEPS),
+    "sync": lambda: SyncVectorEnv([SINGLE["id"]] * N),
+    "async": lambda: gymnasium.make_vec(STATE, N, "async", num_levels=5, max_episode_steps=STEPS),
+}
+
+
+@pytest.mark.parametrize("way", SINGLE)
+def test_the_checker_of_stable_baselines_passes(way):
+    check_env(SINGLE[way]())
+
+
+@pytest.mark.parametrize(
+    ("wrap", "way"),
+    [
+        (VecMonitor, "id"),
+        (VecNormalize, "id"),
+        (VecCheckNan, "id"),
+        (lambda env: VecFrameStack(env, 3), "class"),
+        (lambda env: VecFrameStack(VecTransposeImage(env), 2), "frames"),
+    ],
+    ids=["monitor", "normalize", "nan", "stack", "transpose"],
+)
+def test_the_wrappers_of_stable_baselines_play_episodes(wrap, way):
+    single = SINGLE[way] if wrap is VecMonitor else lambda: Monitor(SINGLE[way]())
+    env = wrap(DummyVecEnv([single] * N))
+    seen, ends = env.reset(), 0
+    for _ in range(3 * STEPS):
+        assert seen.shape == (N, *env.observation_space.shape)
+        seen, _, dones, infos = env.step([env.action_space.sample() for _ in range(N)])
+        assert all(
+            "terminal_observation" in infos[e] and infos[e]["episode"]["l"] <= STEPS for e in np.flatnonzero(dones)
+        )
+        ends += int(dones.sum())
+    assert ends == 3 * N
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*is (set to )?None:UserWarning")  # who recorded, with which program
+@pytest.mark.filterwarnings("ignore:.*Implicitly cleaning up|Exception ignored in")  # Minari's folder
+@pytest.mark.parametrize("way", SINGLE)
+def test_minari_collects_infos(way, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    from minari import DataCollector, load_dataset
+
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    env = DataCollector(SINGLE[way](), record_infos=True)
+    told: list[list[dict[str, Any]]] = []
+    for k in range(2):
+        told.append([env.reset(seed=k)[1]])
+        terminated = truncated = False
+        while not (terminated or truncated):
+            _, _, terminated, truncated, info = env.step(env.action_space.sample())
+            told[-1].append(info)
+    spec = None if way == "class" else STATE
+    env.create_dataset("ours/own-v0", eval_env=spec, algorithm_name="random")
+    env.close()
+    for episode, infos in zip(load_dataset("ours/own-v0"), told, strict=True):
+        assert episode.infos["length"].tolist() == [*range(len(infos))]
+        for name, array in infos[-1]["factors"].items():
+            np.testing.assert_array_equal(episode.infos["factors"][name][-1], array)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", [*SINGLE, *BATCHES])
+def test_skrl_plays_episodes(way):
+    from skrl.envs.wrappers.torch import wrap_env
+
+    env = wrap_env({**SINGLE, **BATCHES}[way](), wrapper="gymnasium", verbose=False)
+    n = env.num_envs
+    assert (n > 1) == (way in BATCHES and way != "class") or way == "class"
+    seen, _ = env.reset()
+    ends = 0
+    for _ in range(2 * STEPS):
+        assert seen.shape[0] == n and torch.isfinite(seen.float()).all()
+        seen, reward, terminated, truncated, _ = env.step(torch.zeros(n, 2))
+        assert reward.shape == terminated.shape == (n, 1)
+        ends += int((terminated | truncated).sum())
+        if n == 1 and ends:
+            break
+    assert ends >= n
+    env.close()
