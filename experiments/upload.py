@@ -72,9 +72,10 @@ def upload_run(folder: Path, uri: str | None = None) -> str:
         journal = read_journal(folder)
         status = STATUS.get(journal[-1]["event"], "KILLED") if journal else "KILLED"
         sync = RunSync(config, folder)
+        sync.replace_if_ahead(len(rows))
         if sync.is_complete(len(rows), files_of(folder), status):
             return "MLflow has all of it"
-        before = min(sync.state.sent, len(rows))
+        before = sync.state.sent
         sync.send(rows, files_of(folder), status)
     return f"sent {len(rows) - before} figures to {sync.state.store}"
 

@@ -31,7 +31,7 @@ FORM = {
     "frames": int,
     "policy": {str: torch.Tensor},
     "learner": {},
-    "extra": {"seconds": float},
+    "extra": {"seconds": float, "rows?": int, "played?": int},
 }
 """What a checkpoint holds; see :func:`segar.support.misfit`."""
 # What reading, and a learner, raise at files that were changed on purpose.

@@ -4,7 +4,8 @@ A run is sent in an order: the rows of ``metrics.parquet``, then files, then how
 folder says how far that has come. So what was cut off goes on from there, by the run itself when it is resumed, or by
 ``python -m experiments.upload``. A row always has the same time: one that is sent again, because ``tracking.json`` could
 not be written, is the same point to MLflow. A run that is thrown away, so that another one is trained in its folder, stands
-in ``tracking_replaced.json`` until it is deleted in MLflow, too.
+in ``tracking_replaced.json`` until it is deleted in MLflow, too. So does a run that was killed after it had sent figures which
+its last checkpoint does not have: MLflow gets the run anew when it is resumed.
 """
 
 from __future__ import annotations
@@ -81,6 +82,17 @@ class RunSync:
         self.client = client
         return client
 
+    def replace_if_ahead(self, rows: int) -> None:
+        """Begins the run anew in the store where that was sent more than its first ``rows`` rows.
+
+        A run that was killed is resumed with fewer rows, and its next ones are made again. Those that were sent before would
+        stand twice in MLflow, which can delete a run but no single figure.
+        """
+        if self.state.sent > rows:
+            (self.folder / SYNC_STATE).replace(self.folder / REPLACED)
+            self.state = SyncState(self.state.store, self.state.experiment, self.state.begun)
+            self.client = None
+
     def send(self, rows: Sequence[Mapping[str, Any]], files: Sequence[Path], status: str) -> None:
         """Sends the status, and those of these rows of ``metrics.parquet`` and of these files that were not sent yet.
 
@@ -91,7 +103,6 @@ class RunSync:
         client, state = self.open(), self.state
         if status == "RUNNING":
             self._send_status(client, status)
-        state.sent = min(state.sent, len(rows))  # a run that was killed is resumed with fewer rows
         while state.sent < len(rows):
             batch = rows[state.sent : state.sent + BATCH]
             calling(client.log_batch, state.run_id, metrics=[self._metric(row) for row in batch])

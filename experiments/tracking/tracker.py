@@ -59,6 +59,7 @@ class MLflowTracker(Tracker):
 
     def begin(self, rows: list[dict[str, Any]]) -> None:
         """Starts to send ``rows``, which may grow but not change otherwise."""
+        self.sync.replace_if_ahead(len(rows))
         self.rows = rows
         self._thread.start()
 

@@ -69,10 +69,11 @@ class Training:
             )
         self.seconds = extra["seconds"]
         frames = self.journal.frames = self.learner.frames
-        self.rows = [row for row in read_metrics(self.folder).to_pylist() if row["frames"] <= frames]
+        # By their number, not by their frames: the evaluation adds rows of the last frames, and comes again.
+        self.rows = read_metrics(self.folder).to_pylist()[: extra.get("rows")]
         if self.chosen is not None:
-            played = read_played(self.folder).to_pylist()
-            self.chosen.load_state_dict(extra["levels"], [row for row in played if row["frames"] <= frames])
+            played = read_played(self.folder).to_pylist()[: extra.get("played")]
+            self.chosen.load_state_dict(extra["levels"], played)
         say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
 
     def train(self) -> None:
@@ -124,10 +125,10 @@ class Training:
         """Writes metrics and checkpoint; raises :class:`RunFolderError`, and :class:`TrainingError` as :meth:`train`."""
         # Metrics first: a resumed run drops rows that are newer than its checkpoint, but cannot restore missing rows.
         self.write_figures()
-        extra: dict[str, Any] = {"seconds": self.seconds}
+        extra: dict[str, Any] = {"seconds": self.seconds, "rows": len(self.rows)}
         if self.chosen is not None:
             self.write_played()
-            extra["levels"] = self.chosen.state_dict()
+            extra |= {"levels": self.chosen.state_dict(), "played": len(self.chosen.log.rows)}
         save_checkpoint(self.folder, self.config, self.learner, extra, self.code)
 
     def log(self, figures: Mapping[str, float]) -> None:

@@ -91,7 +91,7 @@ def before_iteration(number, happens, monkeypatch):
         yield
 
 
-def stop(_):
+def stop(*_):
     raise Killed
 
 

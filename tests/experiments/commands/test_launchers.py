@@ -1,20 +1,23 @@
 """Sweeps through Hydra's launchers: side by side here, by submitit as on Slurm, and on a Ray cluster."""
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
+from experiments.algorithms.checkpoint import read_checkpoint
 from experiments.commands.hydra_app import compose
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, read_summary, run_folders
-from experiments.settings import CHECKOUT, RunConfig
-from tests.experiments.short_runs import COMMAND, run_module
-from tests.waiting import until
+from experiments.settings import CHECKOUT, RunConfig, TrackingConfig
+from experiments.tracking.mlflow_store import open_store
+from tests.experiments.short_runs import COMMAND, run_module, same_results
+from tests.experiments.tracking.mlflow_server import has_each_figure_once
+from tests.waiting import PATIENCE, until
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
 
@@ -112,48 +115,83 @@ def test_slurm_is_asked_for_an_array_with_a_warning_before_the_end(tmp_path):
         assert f"#SBATCH {line}\n" in text
 
 
-RAY_ADDRESS = "127.0.0.1:6399"
+TOTAL = 19_200  # frames of a run in the cluster: ten seconds
+CLUSTER = """
+import contextlib, ctypes, signal, sys
+import psutil
+from ray.cluster_utils import Cluster
 
-
-@pytest.fixture
-def ray_cluster(tmp_path):
-    """A cluster of two machines with one core each, which are both this one."""
-    folder = Path("/tmp") / f"ray-{os.getpid()}"  # Ray's sockets have names of at most 107 characters
-    start = [str(Path(sys.executable).parent / "ray"), "start", "--block", "--num-cpus=1", "--disable-usage-stats"]
-    head = ["--head", "--port=6399", "--node-ip-address=127.0.0.1", f"--temp-dir={folder}", "--include-dashboard=false"]
-    nodes = []
-    try:
-        for number, role in enumerate((head, [f"--address={RAY_ADDRESS}"]), start=1):
-            with open(tmp_path / f"ray-{number}.log", "wb") as log:
-                command = [*start, *role]
-                nodes.append(subprocess.Popen(command, env=ENVIRONMENT, stdout=log, stderr=log, start_new_session=True))
-            while number_of_nodes() < number:
-                assert nodes[-1].poll() is None, (tmp_path / f"ray-{number}.log").read_text()
-        yield
-    finally:
-        for node in nodes:
-            os.killpg(node.pid, signal.SIGTERM)
-            node.wait()
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-COUNT = """
-import sys, ray
-ray.init(address=sys.argv[1], log_to_driver=False, logging_level="ERROR")
-print("nodes", sum(node["Alive"] for node in ray.nodes()))
+ctypes.CDLL(None).prctl(36, 1)  # PR_SET_CHILD_SUBREAPER: what a killed node leaves behind becomes a child of this process
+try:
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    cluster.add_node(num_cpus=1)
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # Ray takes a killed process for alive until it is waited for
+    print(cluster.address, flush=True)
+    sys.stdin.read()  # until the test has ended, however it ends
+finally:
+    while left := psutil.Process().children(recursive=True):
+        for process in left:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.kill()
+        psutil.wait_procs(left, timeout=1)
 """
 
 
-def number_of_nodes():
-    done = subprocess.run([sys.executable, "-c", COUNT, RAY_ADDRESS], env=ENVIRONMENT, capture_output=True, text=True)
-    return int(done.stdout.split("nodes ")[1]) if "nodes " in done.stdout else 0
+@pytest.fixture
+def ray_cluster():
+    """Two nodes with one core each: the process that has started them, their address, and the environment that they are in."""
+    import psutil
+
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:  # Ray's sockets have names of at most 107 characters
+        # Without the second variable, Ray takes 127.0.0.1 for the machine's address in its network and listens everywhere.
+        ours = {"RAY_TMPDIR": folder, "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_USAGE_STATS_ENABLED": "0"}
+        command, environment = [sys.executable, "-c", CLUSTER], {**ENVIRONMENT, **ours}
+        with subprocess.Popen(
+            command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as process:
+            yield psutil.Process(process.pid), process.stdout.readline().strip(), environment
+
+
+def in_training(root, raylet):
+    """The process of a run in the first half of its training on the node of this raylet; None where there is none."""
+    begun = [folder for folder in run_folders(root) if (folder / CHECKPOINT).exists()]
+    last = [read_journal(folder)[-1] for folder in begun if read_checkpoint(folder / CHECKPOINT)["frames"] < TOTAL / 2]
+    training = [entry["process"] for entry in last if entry["event"] == "started"]
+    return next((process for process in raylet.children() if process.pid in training), None)
+
+
+def addresses(processes):
+    """The addresses on which processes wait for others."""
+    found = {where.laddr.ip for one in processes for where in one.net_connections("tcp") if where.status == "LISTEN"}
+    return {address.removeprefix("::ffff:") for address in found}
 
 
 @pytest.mark.slow
-def test_ray_runs_a_sweep_on_two_machines(tmp_path, ray_cluster):
-    done = sweep(
-        tmp_path, "seed=1,2", "hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={RAY_ADDRESS}",
-        f"root={tmp_path / 'runs'}",
-    )  # fmt: skip
+def test_a_sweep_on_two_machines_outlives_a_worker_and_a_machine_and_ends_as_on_one(tmp_path, ray_cluster):
+    here, there = tmp_path / "here", tmp_path / "there"
+    asked = ("seed=1,2,3,4", f"scale.frames={TOTAL}", "checkpoint_interval=0.5", "tracking.interval=0.1")
+    nodes, address, environment = ray_cluster
+    head, second = (process for process in nodes.children() if process.name() == "raylet")
+    cluster = ("hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}", f"root={there}")
+    command = [sys.executable, "-m", "experiments.train", "--multirun", *COMMAND, *asked, *cluster]
+    with subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            worker = until(lambda: in_training(there, head))
+            assert addresses(nodes.children(recursive=True)) == {"127.0.0.1"}
+            worker.kill()
+            until(lambda: in_training(there, second))
+            second.kill()
+            _, errors = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    assert process.returncode == 0, errors
+    done = sweep(tmp_path, *asked, "hydra/launcher=cores", f"root={here}")
     assert done.returncode == 0, done.stderr
-    assert seeds(tmp_path / "runs") == [1, 2]
+    assert seeds(here) == seeds(there) == [1, 2, 3, 4]
+    events = [entry["event"] for folder in run_folders(there) for entry in read_journal(folder)]
+    assert (events.count("lost"), events.count("started"), events.count("finished")) == (2, 6, 4)
+    assert all(same_results(folder, here / folder.name) for folder in run_folders(there))
+    client, experiment = open_store(TrackingConfig(), there)
+    runs = client.search_runs([experiment])
+    assert sorted(run.data.tags["run_folder"] for run in runs) == [str(folder) for folder in run_folders(there)]
+    assert all(has_each_figure_once(client, run.info.run_id, Path(run.data.tags["run_folder"])) for run in runs)

@@ -90,3 +90,10 @@ def in_folder(folder, name):
     """One figure over time, as the run folder has it."""
     rows = read_metrics(folder).to_pylist()
     return [(row["frames"], row["value"]) for row in rows if row["name"] == name]
+
+
+def has_each_figure_once(client, run_id, folder):
+    """Whether the store has all figures of a run folder, each once, and no other."""
+    histories = [client.get_metric_history(run_id, name) for name in client.get_run(run_id).data.metrics]
+    there = sorted((point.key, point.step, point.value) for points in histories for point in points)
+    return there == sorted((row["name"], row["frames"], row["value"]) for row in read_metrics(folder).to_pylist())

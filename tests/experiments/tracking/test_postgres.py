@@ -1,24 +1,28 @@
 """The settings for many machines: an MLflow server over PostgreSQL, and PostgreSQL itself, which both go away for a while."""
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from mlflow import MlflowClient
 
-from experiments.runs.run_folder import EPISODES, SUMMARY, read_summary
-from experiments.settings import CHECKOUT, flat
+from experiments.runs.run_folder import EPISODES, SUMMARY, is_finished, read_summary, run_folders
+from experiments.settings import CHECKOUT, TrackingConfig, flat
+from experiments.tracking.mlflow_store import open_store
 from experiments.tracking.mlflow_sync import read_sync_state, tags_of
 from experiments.tracking.mlflow_views import tags_of_views
 from experiments.training.run import run
+from experiments.upload import UploadConfig, upload
 from tests.experiments.short_runs import COMMAND, before_iteration
-from tests.experiments.tracking.mlflow_server import MLflowServer, in_folder, logged, long_run
-from tests.waiting import until
+from tests.experiments.tracking.mlflow_server import MLflowServer, has_each_figure_once, in_folder, logged, long_run
+from tests.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.slow
 
@@ -40,6 +44,15 @@ class Postgres:
 
     def stop(self):
         self.process.cleanup()
+
+    def kill(self):
+        """Ends it as a power cut does."""
+        main = self.process.get_postmaster_info().process
+        for process in (processes := [main, *main.children(recursive=True)]):
+            process.kill()
+        for process in processes:
+            process.wait()
+        self.stop()
 
     def new_database(self, name):
         """Makes an empty database; returns its address."""
@@ -71,16 +84,16 @@ def same_file(client, run_id, folder, name, tmp_path):
     return Path(client.download_artifacts(run_id, name, str(tmp_path))).read_bytes() == (folder / name).read_bytes()
 
 
-def wait_until_told(folder):
-    """Waits until the store has some of the run's figures."""
-    until(lambda: (mark := read_sync_state(folder)) is not None and mark.sent)
+def is_told(folder):
+    """Whether the store has some of the run's figures."""
+    return (mark := read_sync_state(folder)) is not None and mark.sent > 0
 
 
 def test_a_server_over_postgresql_that_is_stopped_and_started_has_all_of_a_run(tmp_path, server, capfd):
     config = long_run(tmp_path, server.uri, experiment="stopped", sweep="mine")
     with (
         pytest.MonkeyPatch.context() as patch,
-        before_iteration(4, lambda _: wait_until_told(tmp_path / "run"), patch),
+        before_iteration(4, lambda _: until(lambda: is_told(tmp_path / "run")), patch),
         before_iteration(5, lambda _: server.stop(), patch),
         before_iteration(20, lambda _: time.sleep(3), patch),
         before_iteration(35, lambda _: server.start(), patch),
@@ -132,19 +145,35 @@ def test_runs_that_begin_at_once_in_folders_of_their_own_find_each_other_in_one_
     assert (tmp_path / "runs" / "mlflow-artifacts").exists() == (kind == "database")
 
 
-def test_a_database_that_is_stopped_and_started_has_all_of_a_run(tmp_path, postgres, capfd):
+def test_eight_runs_at_once_into_a_database_that_is_killed_and_started_again_have_each_figure_once(tmp_path, postgres):
     """Runs write to PostgreSQL itself, without a server of MLflow's between."""
-    uri = postgres.new_database("stopped")
-    config = long_run(tmp_path, uri)
-    with (
-        pytest.MonkeyPatch.context() as patch,
-        before_iteration(4, lambda _: wait_until_told(tmp_path / "run"), patch),
-        before_iteration(5, lambda _: postgres.stop(), patch),
-        before_iteration(20, lambda _: time.sleep(3), patch),
-        before_iteration(35, lambda _: postgres.start(), patch),
-    ):
-        folder = run(config).folder
-    assert capfd.readouterr().err.count(MISSED) == 1
-    one, files, history = logged(uri, "loss/policy")
-    assert history == in_folder(folder, "loss/policy") and len(history) == 40
-    assert (one.info.status, files) == ("FINISHED", [EPISODES, SUMMARY])
+    uri, root, log = postgres.new_database("killed"), tmp_path / "runs", tmp_path / "log"
+    settings = ["seed=1,2,3,4,5,6,7,8", "scale.frames=12_800", f"root={root}", f"tracking.uri='{uri}'"]
+    settings += ["tracking.interval=0.1", "hydra/launcher=cores", "hydra.launcher.n_jobs=8"]
+    command = [sys.executable, "-m", "experiments.train", "--multirun", *COMMAND, *settings]
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+
+    def count(happened):
+        return sum(happened(folder) for folder in run_folders(root))
+
+    open_store(TrackingConfig(uri=uri), root)  # makes the tables, which takes longer than a run
+    with log.open("w") as errors:
+        process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=errors, start_new_session=True)
+    try:
+        until(lambda: count(lambda folder: is_told(folder) or is_finished(folder)) == 8)
+        postgres.kill()
+        until(lambda: log.read_text().count(MISSED) + count(is_finished) >= 8)
+        postgres.start()
+        assert process.wait(PATIENCE) == 0, log.read_text()
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    assert MISSED in log.read_text()
+    upload(UploadConfig(root=str(root)))  # of runs that ended while there was no database
+    client = MlflowClient(tracking_uri=uri)
+    found = client.search_runs([client.get_experiment_by_name("segar").experiment_id])
+    assert sorted(one.data.tags["run_folder"] for one in found) == [str(folder) for folder in run_folders(root)]
+    for one in found:
+        folder = Path(one.data.tags["run_folder"])
+        assert one.info.status == "FINISHED" and has_each_figure_once(client, one.info.run_id, folder)
+        assert all(same_file(client, one.info.run_id, folder, name, tmp_path) for name in (EPISODES, SUMMARY))

@@ -16,7 +16,7 @@ from filelock import FileLock
 from mlflow.entities import ViewType
 
 from experiments.runs.executed_code import executed_code
-from experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics, read_versions
+from experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics, read_played, read_versions
 from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
 from experiments.tracking import mlflow_store, mlflow_sync
 from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
@@ -25,7 +25,8 @@ from experiments.tracking.tracker import Tracker, start_tracking
 from experiments.training import run as run_module
 from experiments.training.run import run
 from experiments.upload import UploadConfig, upload
-from tests.experiments.short_runs import before_iteration, killed_after, short_run
+from tests.experiments.short_runs import Killed, before_iteration, killed_after, same_results, short_run, stop
+from tests.experiments.tracking.mlflow_server import has_each_figure_once
 from tests.waiting import until
 
 START = """
@@ -164,6 +165,26 @@ def test_a_mark_that_was_not_written_leads_to_no_second_run_and_no_second_point(
     tracker.finish("FINISHED")
     client, one = run_in(store, store / "6")
     assert [point.value for point in client.get_metric_history(one.info.run_id, "episode/length")] == [7.0]
+
+
+@pytest.mark.parametrize("moment", ["in training", "before the summary"])
+def test_a_run_that_lost_figures_which_it_had_sent_has_each_once(tmp_path, monkeypatch, moment):
+    levels = LevelsConfig("empty-easy", count="endless", test_count=3)
+    config = short_run(
+        tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig(), checkpoint_interval=1000.0, levels=levels
+    )
+    if moment == "in training":
+        with killed_after(3, monkeypatch):
+            run(config)
+    else:
+        with monkeypatch.context() as patch, pytest.raises(Killed):
+            patch.setattr(run_module, "write_json", stop)
+            run(config)
+    run(config)
+    whole = run(dataclasses.replace(config, folder=str(tmp_path / "whole"))).folder
+    assert same_results(tmp_path / "run", whole) and read_played(tmp_path / "run").equals(read_played(whole))
+    client, one = run_in(tmp_path, tmp_path / "run")
+    assert has_each_figure_once(client, one.info.run_id, tmp_path / "run")
 
 
 def test_a_file_is_stored_with_the_run(store, tmp_path):
