@@ -16,8 +16,8 @@ from filelock import FileLock
 
 from experiments.runs.own_modules import OURS, modules_named
 from experiments.settings import RunFolderError
-from segar.engine import private_cache_folder
 from segar.errors import SegarError
+from segar.support import private_cache_folder
 
 SIGNATURE = "# signature: "
 TRUSTED = "SEGAR_TRUST"  # packages that the user trusts, separated by commas; * for all

@@ -1,11 +1,6 @@
 from .batch import State as State, StepResult as StepResult
 from .compiler.kernel import KernelSource as KernelSource, generate as generate
-from .compiler.kernel_cache import (
-    cache_folder as cache_folder,
-    is_compiled as is_compiled,
-    kernel_path as kernel_path,
-    private_cache_folder as private_cache_folder,
-)
+from .compiler.kernel_cache import is_compiled as is_compiled, kernel_path as kernel_path
 from .not_finite import numbers_not_finite as numbers_not_finite
 from .runtime.gather import Reads as Reads, gather as gather
 from .simulator import Simulator

@@ -5,12 +5,13 @@ import sys
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from segar.support import cached
+
 # The kernels allocate nothing, so numba's counting of references to arrays, which costs as much as drawing, is off.
-KERNEL_OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+KERNEL_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 
 def _copy_bytes(typing_context: Any, to: Any, to_byte: Any, source: Any, source_byte: Any, count: Any) -> Any:
@@ -80,7 +81,7 @@ def _lies_in_planes(array: np.ndarray) -> bool:
     )
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def join(rows, planes, pixels, packed):
     """Put the bytes of ``planes[rows]`` (uint8 ``[env, plane, pixel]``) side by side: ``pixels`` is uint8, uint16 or uint32
     ``[env, pixel, word]``, and a word holds the bytes of as many planes. ``packed`` is scratch, ``[word, BLOCK]``."""
@@ -92,7 +93,7 @@ def join(rows, planes, pixels, packed):
             interleave(packed, block)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def pack(planes, env, first, w, words):
     """Fill ``words`` with word ``w`` of the pixels from ``first`` on, the byte of its first plane lowest."""
     size, last = words.itemsize, first + len(words)  # the compiler knows the size
@@ -108,7 +109,7 @@ def pack(planes, env, first, w, words):
         words[p] = word
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def interleave(packed, block):
     """``block[p, w] = packed[w, p]``."""
     if len(packed) == 3:  # as of two or four RGB frames; a loop that names its arrays runs on wide registers
@@ -140,7 +141,7 @@ def copy_squares(frames: np.ndarray, target: np.ndarray, side: int) -> None:
         split(frames, target, side)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def split_rgb(frames, target):
     """:func:`copy_squares` of RGB frames and squares of 4: three times as fast where the compiler knows the sizes."""
     for i in range(len(target)):
@@ -154,7 +155,7 @@ def split_rgb(frames, target):
                             square[12 * dy + 3 * dx + c] = pixels[4 * column + dx, c]
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def split(frames, target, side):
     """:func:`copy_squares` of any sizes."""
     channels = frames.shape[3]

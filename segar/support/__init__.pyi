@@ -1,6 +1,14 @@
 from . import mathematics as mathematics
+from .code_folder import (
+    ADVICE as ADVICE,
+    MACHINE_CODE as MACHINE_CODE,
+    cache_folder as cache_folder,
+    is_trusted as is_trusted,
+    private_cache_folder as private_cache_folder,
+    say_where_kept as say_where_kept,
+)
 from .command_line import USAGE_ERROR as USAGE_ERROR, Parser as Parser
-from .compiled import cached as cached, keep_beside as keep_beside
+from .compiled import cached as cached, keep_kernel as keep_kernel
 from .counter_kernel import (
     GOLDEN as GOLDEN,
     SPACING as SPACING,

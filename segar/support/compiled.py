@@ -5,6 +5,7 @@ Numba reads its files as pickles and trusts them: a damaged one ends every later
 
 import hashlib
 import io
+import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -17,12 +18,12 @@ from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, InTreeCacheLocator
 
 from segar.errors import SegarError
+from segar.support.code_folder import MACHINE_CODE, cache_folder, is_trusted, private_cache_folder, say_where_kept
 from segar.support.files import replacing
 
 CHECKED = "-checked"  # ends the names of files with a checksum, so that files without one are left alone
 CHECKSUM_LENGTH = 32  # bytes of SHA-256
-ADVICE = "make room, or set NUMBA_CACHE_DIR to a folder of your own that can be written"
-KERNEL_ADVICE = "make room, or set SEGAR_CACHE_DIR to a folder of your own that can be written"
+ADVICE = "make room or give access"
 
 
 def cached(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -30,26 +31,52 @@ def cached(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def decorate(function: Callable[..., Any]) -> Any:
         compiled: Any = njit(**options)(function)
-        compiled._cache = CheckedCache(function)
+        compiled._cache = CheckedCache(function, of_package=True)
         return compiled
 
     return decorate
 
 
-def keep_beside(compiled: Any) -> None:
-    """Let numba keep the machine code of a function in ``__pycache__`` beside its file, whatever numba is set to."""
-    compiled._cache = _CacheBeside(compiled.py_func)
+def keep_kernel(compiled: Any) -> None:
+    """Keep the machine code of a function in a kernel's file on disk."""
+    compiled._cache = CheckedCache(compiled.py_func)
+
+
+class _Locator(InTreeCacheLocator):
+    """The user's own folder, for the files of all functions."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        super().__init__(function, file)
+        self._cache_path = str(private_cache_folder() / MACHINE_CODE)
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> "_Locator":
+        return cls(py_func, py_file)
+
+
+class _Kept(CompileResultCacheImpl):
+    _locator_classes = [_Locator]  # noqa: RUF012 - numba's attribute
 
 
 class CheckedCache(FunctionCache):
-    """Numba's cache of one function, in files with checksums."""
+    """Numba's cache of one function, in files with checksums.
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    Args:
+        of_package: the function is one of a package, of which several versions may be installed; a kernel's file has a name
+            of its own.
+    """
+
+    _impl_class = _Kept
+
+    def __init__(self, function: Callable[..., Any], of_package: bool = False) -> None:
         super().__init__(function)
         name, stamp = self._impl.filename_base + CHECKED, self._impl.locator.get_source_stamp()
+        if of_package:
+            name = f"{stamp.hex()[:16]}.{name}"
         self._cache_file = _CheckedFiles(self._cache_path, name, stamp)
-
-    _advice = ADVICE
+        ready = cache_folder() / MACHINE_CODE
+        if str(ready) != self._cache_path and is_trusted(ready.parent):
+            self._cache_file.ready = _CheckedFiles(str(ready), name, stamp)
 
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
@@ -61,21 +88,13 @@ class CheckedCache(FunctionCache):
             return None
 
     def _save_overload(self, sig: Any, data: Any) -> None:
+        say_where_kept(Path(self.cache_path).parent)
         try:
             super()._save_overload(sig, data)
         except OSError as cause:
             raise SegarError(
-                f"machine code cannot be written to {self.cache_path}: {cause.strerror or cause}; {self._advice}"
+                f"machine code cannot be written to {self.cache_path}: {cause.strerror or cause}; {ADVICE}"
             ) from cause
-
-
-class _Beside(CompileResultCacheImpl):
-    _locator_classes = [InTreeCacheLocator]  # noqa: RUF012 - numba's attribute
-
-
-class _CacheBeside(CheckedCache):
-    _impl_class = _Beside
-    _advice = KERNEL_ADVICE
 
 
 class _CheckedFiles(IndexDataCacheFile):
@@ -83,6 +102,12 @@ class _CheckedFiles(IndexDataCacheFile):
 
     _cache_path: str
     _index_path: str
+    ready: "_CheckedFiles | None" = None  # where somebody else may have put the same files
+
+    def load(self, key: Any) -> Any:
+        """What is kept, or what somebody else made ready."""
+        found = super().load(key)
+        return self.ready.load(key) if found is None and self.ready else found
 
     def discard_all(self) -> None:
         """Remove the index and all data of the function."""
@@ -124,8 +149,10 @@ def _checksum(path: Path, content: bytes) -> bytes:
 
 
 def _discard(path: Path) -> None:
-    """Remove a file that cannot be used, so that the next one takes its place."""
+    """Remove a file that cannot be used, so that the next one takes its place; what can only be read is left."""
     _say_once(path.parent)
+    if not os.access(path.parent, os.W_OK):
+        return
     try:
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)

@@ -10,14 +10,13 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from segar.engine.compiler.kernel_cache import FOLDER, private_cache_folder
 from segar.engine.targets.entry import Entry
 from segar.engine.targets.native import native_object
 from segar.engine.targets.numba_ir import intermediate_code
 from segar.engine.targets.ptx import ptx_module
 from segar.engine.targets.wasm import STACK, wasm_module
 from segar.errors import SegarError, must_be
-from segar.support import replacing
+from segar.support import ADVICE, private_cache_folder, replacing
 
 SUFFIXES = {"native": ".o", "wasm": ".wasm", "ptx": ".ptx"}  # of the files that a target has
 TARGETS = tuple(SUFFIXES)
@@ -82,7 +81,7 @@ def kept_intermediate_code(entries: Sequence[Entry]) -> list[dict[str, Any]]:
     for k, one in zip(new, intermediate_code([entries[k] for k in new]) if new else (), strict=True):
         found[k] = one
         content = zlib.compress(json.dumps(one).encode())
-        with replacing(paths[k], "the kernel", advice=f"set {FOLDER} to a folder that can be written") as beside:
+        with replacing(paths[k], "the kernel", advice=ADVICE) as beside:
             beside.write_bytes(hashlib.sha256(content).digest() + content)
     return [one for one in found if one is not None]
 

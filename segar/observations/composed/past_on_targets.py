@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from segar.engine import Call, Given, Rows, call_of
 from segar.observations.copying import KERNEL_OPTIONS
+from segar.support import cached
 
 SIZES: dict[str, tuple[str | None, ...]] = {
     **{"drawn": ("envs", None), "fresh": ("envs",), "stacks": ("envs", None, None, None), "past": ("envs", None)},
@@ -53,14 +53,14 @@ class StackArrays:
         return call_of("write_stacks", write_stacks, arguments, SIZES)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def mark_stacks(rows, is_fresh, fresh):
     """Note of environments ``rows`` whether their next frame fills the stack."""
     for r in range(len(rows)):
         fresh[rows[r]] = is_fresh
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def advance_stacks(things, parts, stacks):
     """Make the frames one older: part ``k % parts`` of environment ``k // parts`` for each k of ``things``."""
     for t in range(len(things)):
@@ -72,7 +72,7 @@ def advance_stacks(things, parts, stacks):
                     stacks[env, frame, plane, pixel] = stacks[env, frame + 1, plane, pixel]
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def write_stacks(things, parts, is_drawn_turned, is_turned, drawn, fresh, stacks, out):
     """Take the newest frames from ``drawn``, all frames where the stack is ``fresh``, and write the stacks into ``out``, in
     parts as :func:`advance_stacks`. The arrays are those of :class:`StackArrays`."""
@@ -90,7 +90,7 @@ def write_stacks(things, parts, is_drawn_turned, is_turned, drawn, fresh, stacks
                     out[env, to] = stacks[env, frame, plane, pixel]
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def forget_actions(rows, past):
     """Forget the actions of environments ``rows``."""
     for r in range(len(rows)):
@@ -98,7 +98,7 @@ def forget_actions(rows, past):
             past[rows[r], k] = 0.0
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def note_actions(rows, actions, low, high, past):
     """Remember the clipped ``actions`` of environments ``rows``, and forget the oldest."""
     size = actions.shape[1]
@@ -110,7 +110,7 @@ def note_actions(rows, actions, low, high, past):
             past[env, past.shape[1] - size + k] = min(max(actions[env, k], low[k]), high[k])
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def show_actions(rows, past, out):
     """Write the actions that environments ``rows`` remember."""
     for r in range(len(rows)):

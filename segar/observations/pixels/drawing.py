@@ -11,7 +11,6 @@ from typing import Any, Literal, NamedTuple
 
 import gymnasium
 import numpy as np
-from numba import njit
 
 from segar import language
 from segar.engine import Call, Given, Rows, Scratch, call_of
@@ -19,6 +18,7 @@ from segar.errors import SegarError, must_be
 from segar.language import ARENA, CIRCLE, HULL, Entity, Factor, Layout, Mobile, Order, Position, Size, Visible
 from segar.levels import Levels
 from segar.observations.copying import KERNEL_OPTIONS, clear_bytes, copy_bytes
+from segar.support import cached
 
 Channels = Literal["first", "last"]
 CHANNELS = ("first", "last")
@@ -243,7 +243,7 @@ def edge_lines(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return np.concatenate([normal, distance, inverse], axis=-1)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def paint_backgrounds(values, level, rows, geometry, canvas, texels, floor, floors, backgrounds, chosen):
     """Paint floor ``floor[env]`` and the tiles of environments ``rows``: highest Order first, so the lowest is on top."""
     for r in range(len(rows)):
@@ -255,7 +255,7 @@ def paint_backgrounds(values, level, rows, geometry, canvas, texels, floor, floo
         )
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def draw_frames(values, level, rows, geometry, canvas, texels, backgrounds, frames, stride, chosen):
     """Copy each environment's background into ``frames[env * stride :]`` and stamp its objects: highest Order on top."""
     for r in range(len(rows)):
@@ -267,7 +267,7 @@ def draw_frames(values, level, rows, geometry, canvas, texels, backgrounds, fram
         )
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def paint_rows(values, level, frame_rows, geometry, canvas, texels, floor, floors, backgrounds, chosen):
     """:func:`paint_backgrounds` of single rows: row ``k % resolution`` of environment ``k // resolution`` for each k."""
     for r in range(len(frame_rows)):
@@ -277,7 +277,7 @@ def paint_rows(values, level, frame_rows, geometry, canvas, texels, floor, floor
         stamp_tiles(values, env, level[env], geometry, canvas, texels, backgrounds, env * size, row, row, chosen)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def draw_rows(values, level, frame_rows, geometry, canvas, texels, backgrounds, frames, stride, chosen):
     """:func:`draw_frames` of single rows: row ``k % resolution`` of environment ``k // resolution`` for each k."""
     for r in range(len(frame_rows)):
@@ -286,7 +286,7 @@ def draw_rows(values, level, frame_rows, geometry, canvas, texels, backgrounds, 
         stamp_objects(values, env, level[env], geometry, canvas, texels, frames, env * stride, row, row, chosen)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def copy_row(frames, begin, source, source_begin, row, canvas):
     """Copy a row of the frame at byte ``source_begin`` to the frame at byte ``begin``."""
     length = canvas.resolution * canvas.texel
@@ -295,7 +295,7 @@ def copy_row(frames, begin, source, source_begin, row, canvas):
         copy_bytes(frames, begin + at, source, source_begin + at, length)
 
 
-@njit(**KERNEL_OPTIONS, forceinline=True)
+@cached(**KERNEL_OPTIONS, forceinline=True)
 def stamp_tiles(values, env, level, geometry, canvas, texels, frames, begin, upper, lower, chosen):
     """Draw the rows ``upper`` to ``lower`` of all tiles into the frame at byte ``begin``."""
     n = sort_by_order(values, env, level, geometry, True, chosen)
@@ -303,7 +303,7 @@ def stamp_tiles(values, env, level, geometry, canvas, texels, frames, begin, upp
         stamp(values, env, level, chosen[k], geometry, canvas, True, texels, frames, begin, upper, lower)
 
 
-@njit(**KERNEL_OPTIONS, forceinline=True)
+@cached(**KERNEL_OPTIONS, forceinline=True)
 def stamp_objects(values, env, level, geometry, canvas, texels, frames, begin, upper, lower, chosen):
     """Draw the rows ``upper`` to ``lower`` of all objects into the frame at byte ``begin``."""
     n = sort_by_order(values, env, level, geometry, False, chosen)
@@ -314,7 +314,7 @@ def stamp_objects(values, env, level, geometry, canvas, texels, frames, begin, u
 # Below, arrays are passed whole with indices: a view of one row costs more than what is done with it.
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def sort_by_order(values, env, level, geometry, floor, chosen):
     """Collect the visible tiles (``floor``) or objects of a level in ascending Order, ties by slot; return how many."""
     n = 0
@@ -334,13 +334,13 @@ def sort_by_order(values, env, level, geometry, floor, chosen):
     return n
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def order_of(values, env, level, entity, geometry):
     column = geometry.columns[geometry.types[level, entity], ORDER]
     return values[env, entity, column] if column >= 0 else 0.0
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def stamp(values, env, level, entity, geometry, canvas, is_tile, texels, frames, begin, upper, lower):
     """Draw the rows ``upper`` to ``lower`` of one entity, if it has a finite place, into the frame at byte ``begin``; tiles
     always have an outline, others if they are mobile."""
@@ -360,7 +360,7 @@ def stamp(values, env, level, entity, geometry, canvas, is_tile, texels, frames,
         stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, frames, begin, upper, lower)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def stamp_disc(env, entity, x, y, radius, outlined, geometry, canvas, texels, frames, begin, upper, lower):
     cx, cy = column_at(x, canvas), canvas.resolution - column_at(y, canvas)
     r = int(np.rint(min(radius * canvas.scale, float(canvas.resolution))))
@@ -375,14 +375,14 @@ def stamp_disc(env, entity, x, y, radius, outlined, geometry, canvas, texels, fr
         r0 = r0 + 1 if r0 + 1 < period else 0
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def column_at(x, canvas):
     """The column of a coordinate, or the distance of its row from the bottom; far outside, somewhere outside."""
     limit = 4.0 * canvas.resolution
     return int(np.rint(min(max((x + canvas.walls) * canvas.scale, -limit), limit)))
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, canvas, texels, frames, begin):
     """Fill the columns ``first`` to ``last`` of a row, black but for the pattern's row ``r0`` from ``inner_first`` to
     ``inner_last``; column ``cx`` has the pattern's first pixel."""
@@ -406,7 +406,7 @@ def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, ca
             left -= run
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, frames, begin, upper, lower):
     """Fill the pixels whose world point lies in a convex polygon; those within one pixel of an edge are its outline."""
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
@@ -431,7 +431,7 @@ def stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, fra
         stamp_row(env, entity, row, a, b, c, d, cx, r0, canvas, texels, frames, begin)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def hull_span(level, entity, x, py, depth, first, last, geometry, canvas):
     """First and last of the columns ``first`` to ``last`` whose pixels lie at least ``depth`` pixels within a hull.
 
@@ -462,7 +462,7 @@ def hull_span(level, entity, x, py, depth, first, last, geometry, canvas):
     return first, last
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def depth_at(column, x, a, rest, c, canvas):
     """How far inside an edge the pixel of a column lies, in pixels."""
     return (a * (column / canvas.scale - canvas.walls - x) + rest + c) * canvas.scale

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 
 from segar import language
 from segar.engine import Call, Rows, call_of
@@ -16,6 +15,7 @@ from segar.levels import Levels
 from segar.observations.copying import KERNEL_OPTIONS
 from segar.observations.pixels import drawing
 from segar.observations.pixels.drawing import LUMA, SIZES, Channels, Drawing, column_of
+from segar.support import cached
 
 RGB = tuple[int, int, int]
 
@@ -167,7 +167,7 @@ class BoundPixels:
         return found + self._drawing.calls(when, in_rows)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def tint_things(values, level, rows, tiles_too, types, is_floor, columns, tints, luma, blends, texels):
     """Colour the things of environments ``rows``: all, or those whose blend is another one than ``blends[env, entity]``.
 
@@ -194,7 +194,7 @@ def tint_things(values, level, rows, tiles_too, types, is_floor, columns, tints,
                 fill(env, entity, kind, blend, tints, luma, texels)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def fill(env, entity, kind, blend, tints, luma, texels):
     """Make a thing's pattern of one colour."""
     colour = (blended(tints, kind, 0, blend), blended(tints, kind, 1, blend), blended(tints, kind, 2, blend))
@@ -205,7 +205,7 @@ def fill(env, entity, kind, blend, tints, luma, texels):
             texels[env, entity, plane, 0, k] = grey if luma[1] > 0 else colour[channel]
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def blended(tints, kind, channel, blend):
     """One channel of the colour between the low and the high colour of an entity type, uint8."""
     low, high = tints[kind, 0, channel], tints[kind, 1, channel]

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from segar.engine import Call, Given, Rows, Scratch, call_of
 from segar.errors import SegarError, did_you_mean, must_be
@@ -19,7 +18,7 @@ from segar.observations.composed.composed import recall_array
 from segar.observations.copying import KERNEL_OPTIONS
 from segar.observations.pixels.drawing import LUMA, Channels, Drawing, canvas_for, check_frame, frame_space
 from segar.observations.pixels.solid_colours import OUTLINES
-from segar.support import GOLDEN, mathematics, mix, normal, stream_key, uniform
+from segar.support import GOLDEN, cached, mathematics, mix, normal, stream_key, uniform
 from segar.textures import NOISE_CLIP, TextureSet, name_of_input, type_inputs
 
 REDRAWN = ("episode", "level", "never")
@@ -226,7 +225,7 @@ LOOM_SIZES: dict[str, tuple[str | None, ...]] = {
 """Names of the sizes of what kernels of patterns are called with."""
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def draw_looks(key, level, rows, own, level_keys, noise_by, model_by, models, noise, model):
     """Draw noise and models of environments ``rows``.
 
@@ -248,7 +247,7 @@ def draw_looks(key, level, rows, own, level_keys, noise_by, model_by, models, no
         model[env] = np.int64(uniform(mix(key_of(model_by, env, key, level, own, level_keys))) * models)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def key_of(redrawn, env, key, level, own, level_keys):
     """The key of a draw that is made anew by this entry of ``REDRAWN``."""
     if redrawn == 0:
@@ -256,7 +255,7 @@ def key_of(redrawn, env, key, level, own, level_keys):
     return level_keys[level[env]] if redrawn == 1 else np.uint64(own)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def read_features(values, level, rows, loom, noise, features):
     """Fill ``features[rows]``, float64 ``[env, entity, input]``."""
     for r in range(len(rows)):
@@ -268,7 +267,7 @@ def read_features(values, level, rows, loom, noise, features):
                     features[env, entity, i] = feature(values, env, entity, kind, i, loom, noise)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def weave_things(level, rows, loom, model, features, raw, texels):
     """Make the patterns of all things of environments ``rows`` from their features; ``raw``: float64 ``[P * P * 3]``."""
     for r in range(len(rows)):
@@ -278,7 +277,7 @@ def weave_things(level, rows, loom, model, features, raw, texels):
                 weave(env, entity, loom, model[env], features, raw, texels)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def follow_changes(values, level, rows, loom, model, noise, features, raw, texels):
     """Make anew the patterns of objects whose features have changed."""
     for r in range(len(rows)):
@@ -296,7 +295,7 @@ def follow_changes(values, level, rows, loom, model, noise, features, raw, texel
                 weave(env, entity, loom, model[env], features, raw, texels)
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def feature(values, env, entity, kind, i, loom, noise):
     """The feature of input i for an entity of type ``kind``."""
     if loom.noise[i] >= 0:
@@ -307,7 +306,7 @@ def feature(values, env, entity, kind, i, loom, noise):
     return value if math.isfinite(value) else 0.0
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def weave(env, entity, loom, model, features, raw, texels):
     """Make one thing's pattern: one period from its features, repeated to the end of each row."""
     for k in range(len(raw)):
@@ -337,7 +336,7 @@ def weave(env, entity, loom, model, features, raw, texels):
                 texels[env, entity, plane, row, k] = texels[env, entity, plane, row, k - back]
 
 
-@njit(**KERNEL_OPTIONS)
+@cached(**KERNEL_OPTIONS)
 def luma_of(raw, at, luma):
     """The grey of three numbers from 0 to 255, as :func:`segar.observations.pixels.drawing.grey_of` rounds it."""
     total = luma[0] * int(raw[at]) + luma[1] * int(raw[at + 1]) + luma[2] * int(raw[at + 2])

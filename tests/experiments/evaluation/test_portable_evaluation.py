@@ -109,7 +109,6 @@ def hashes(trained, name, folder, **limits):
     environment |= {
         **limits,
         "PYTHONPATH": str(CHECKOUT),
-        "NUMBA_CACHE_DIR": str(folder),
         "SEGAR_CACHE_DIR": str(folder),
     }
     command = [

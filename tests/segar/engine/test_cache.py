@@ -5,6 +5,7 @@ import os
 import pickle
 import shutil
 import stat
+import subprocess
 import sys
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 
 from segar.engine.compiler import kernel_cache as cache
 from segar.engine.compiler.kernel import generate
-from segar.engine.compiler.kernel_cache import cache_folder, load_module, usual_time
+from segar.engine.compiler.kernel_cache import load_module, usual_time
 from segar.engine.simulator import Simulator, StepResult
 from segar.errors import SegarError
 from segar.language.effects import SetFactor
@@ -22,8 +23,9 @@ from segar.language.rule_definition import rule
 from segar.levels.named_families import family
 from segar.rules import DEFAULT_RULES, move
 from segar.rules.world import World
-from segar.support import compiled
+from segar.support import cache_folder, compiled
 from segar.tasks.puttputt_task import puttputt
+from tests.places import ROOT
 from tests.segar.engine.worlds import start
 
 LAYOUT = family("empty-hard").layout
@@ -214,7 +216,7 @@ def test_machine_code_that_is_whole_and_cannot_be_used_is_compiled_again(anew, c
 
     capfd.readouterr()
     with monkeypatch.context() as patch:
-        patch.setattr(compiled._Beside, "rebuild", other_libraries)
+        patch.setattr(compiled._Kept, "rebuild", other_libraries)
         assert anew() == 0 and capfd.readouterr().err.count("is damaged") == 1
     assert anew() == 1
 
@@ -225,7 +227,7 @@ def test_a_missing_data_file_is_written_again(anew, folder, capfd):
     assert anew() == 0 and anew() == 1 and not capfd.readouterr().err
 
 
-def test_functions_of_the_package_are_mended_as_well(tmp_path, monkeypatch, capfd):
+def test_functions_of_the_package_are_mended_as_well(folder, tmp_path, monkeypatch, capfd):
     (tmp_path / "of_a_package.py").write_text(
         "from segar.support import cached\n\n@cached(nogil=True)\ndef double(x):\n    return 2 * x\n"
     )
@@ -239,7 +241,7 @@ def test_functions_of_the_package_are_mended_as_well(tmp_path, monkeypatch, capf
         return sum(module.double.stats.cache_hits.values())
 
     assert [hits(), hits()] == [0, 1]
-    for path in (tmp_path / "__pycache__").glob("*.nb[ic]"):
+    for path in (folder / "__pycache__").glob("*.nb[ic]"):
         flip(path)
     capfd.readouterr()
     assert hits() == 0 and capfd.readouterr().err.count("\n") == 1 and hits() == 1
@@ -315,3 +317,89 @@ def test_numba_s_own_setting_does_not_lead_kernels_elsewhere(folder, tmp_path, m
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "shared"))
     load_module(KERNEL).advance(1)
     assert machine_code(folder, ".nbi").is_file() and not list((tmp_path / "shared").rglob("*.nb[ic]"))
+
+
+NOBODY = 12345  # no user of this machine
+AS_NOBODY = (
+    *("setpriv", "--reuid", str(NOBODY), "--regid", str(NOBODY), "--clear-groups"),
+    # What the interpreter needs may lie in root's home: everything can be read, and nothing can be written.
+    *("--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search", "env", "-i", "PATH=/usr/bin:/bin"),
+)
+
+
+@pytest.fixture
+def as_nobody(tmp_path):
+    """Runs a program as a user whom the machine does not know, without a home; returns what it printed on both streams."""
+    if os.geteuid() or subprocess.run([*AS_NOBODY, "true"], check=False, capture_output=True).returncode:
+        pytest.skip("only root, with setpriv, can run programs as other users")
+    (tmp_path / "package.py").write_text(
+        "from segar.support import cached\n\n@cached(nogil=True)\ndef double(x):\n    return 2 * x\n"
+    )
+    program = (
+        "import segar, segar.support, package\n"
+        "from segar.engine.compiler.kernel_cache import load_module\n"
+        f"module = load_module({KERNEL.replace('cache=True', 'nogil=True, cache=True')!r})\n"
+        "assert (module.advance(41), package.double(21)) == (42, 42)\n"
+        "print([sum(one.stats.cache_hits.values()) for one in (module.advance, package.double)])\n"
+    )
+    # The package lies in a folder of root's, and so does its machine code.
+    shared = {"PYTHONPATH": f"{ROOT}:{tmp_path}", "PYTHONDONTWRITEBYTECODE": "1", "SEGAR_CACHE_DIR": ""}
+
+    def run(user=AS_NOBODY, **variables):
+        values = [f"{name}={value}" for name, value in {**shared, "TMPDIR": tmp_path / "tmp", **variables}.items()]
+        done = subprocess.run(
+            [*user, *values, sys.executable, "-c", program], check=True, capture_output=True, text=True
+        )
+        return done.stdout.strip(), done.stderr
+
+    for name, its_mode in {"": 0o755, "tmp": 0o1777, "mine": 0o755, "ready": 0o755}.items():
+        (tmp_path / name).mkdir(exist_ok=True)
+        (tmp_path / name).chmod(its_mode)
+    os.chown(tmp_path / "mine", NOBODY, -1)
+    for parent in tmp_path.parents[:2]:
+        parent.chmod(0o755)
+    return run
+
+
+def test_a_user_without_a_home_keeps_kernels_in_the_temporary_folder_and_is_told(as_nobody, tmp_path):
+    for home in ({}, {"HOME": "/"}):
+        shutil.rmtree(tmp_path / "tmp" / f"segar-{NOBODY}", ignore_errors=True)
+        hits, said = as_nobody(**home)
+        assert hits == "[0, 0]" and f"machine code is kept in {tmp_path}/tmp/segar-{NOBODY}" in said
+        assert mode(tmp_path / "tmp" / f"segar-{NOBODY}") == 0o700
+        assert as_nobody(**home) == ("[1, 1]", "")
+
+
+def test_a_user_s_own_folder_holds_what_is_compiled(as_nobody, tmp_path):
+    assert as_nobody(SEGAR_CACHE_DIR=tmp_path / "mine")[0] == "[0, 0]"
+    assert as_nobody(SEGAR_CACHE_DIR=tmp_path / "mine") == ("[1, 1]", "")
+    assert not list((tmp_path / "tmp").iterdir())
+
+
+def test_kernels_that_root_made_ready_are_read(as_nobody, tmp_path):
+    assert as_nobody(("env",), SEGAR_CACHE_DIR=tmp_path / "ready")[0] == "[0, 0]"
+    assert as_nobody(SEGAR_CACHE_DIR=tmp_path / "ready", TMPDIR=tmp_path / "package.py") == ("[1, 1]", "")
+    for damaged in (tmp_path / "ready").rglob("*.nbi"):
+        flip(damaged)
+    found, said = as_nobody(SEGAR_CACHE_DIR=tmp_path / "ready")
+    assert found == "[0, 0]" and f"machine code in {tmp_path}/ready/__pycache__ is damaged" in said
+    assert as_nobody(SEGAR_CACHE_DIR=tmp_path / "ready")[0] == "[1, 1]"  # kept in the user's folder
+
+
+@pytest.mark.parametrize("part", ["", "__pycache__"])
+def test_ready_kernels_to_which_others_can_write_are_refused(as_nobody, tmp_path, part):
+    as_nobody(("env",), SEGAR_CACHE_DIR=tmp_path / "ready")
+    (tmp_path / "ready" / part).chmod(0o757)
+    with pytest.raises(subprocess.CalledProcessError) as refused:
+        as_nobody(SEGAR_CACHE_DIR=tmp_path / "ready")
+    assert "others can write to" in refused.value.stderr
+    os.chown(tmp_path / "ready" / part, 4321, -1)
+    (tmp_path / "ready" / part).chmod(0o755)
+    with pytest.raises(subprocess.CalledProcessError) as refused:
+        as_nobody(SEGAR_CACHE_DIR=tmp_path / "ready")
+    assert "belongs to user 4321, whose kernels would run as you" in refused.value.stderr
+
+
+def test_no_function_of_the_package_is_kept_by_numba_s_own_cache():
+    found = [path for path in (ROOT / "segar").rglob("*.py") if '"cache": True' in path.read_text(encoding="utf-8")]
+    assert found == []

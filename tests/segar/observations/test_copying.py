@@ -9,7 +9,7 @@ from segar.observations.composed.stack import FrameTape
 from segar.observations.copying import KERNEL_OPTIONS, clear_bytes, copy_bytes
 
 
-@njit(**{**KERNEL_OPTIONS, "cache": False})
+@njit(**KERNEL_OPTIONS)
 def copy_and_clear(target, source, spans):
     for k in range(len(spans)):
         copy_bytes(target, spans[k, 0], source, spans[k, 1], spans[k, 2])

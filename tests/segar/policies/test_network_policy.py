@@ -22,7 +22,7 @@ ELEMENTARY = ("fma", "fmuladd", "exp", "log", "pow", "sin", "cos", "tan", "floor
 
 def report(folder, **limits):
     """What ``tests.segar.policies.networks`` prints in a process with these settings of numba."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": str(ROOT), **limits}
+    environment = {**os.environ, "SEGAR_CACHE_DIR": str(folder), "PYTHONPATH": str(ROOT), **limits}
     command = [sys.executable, "-m", "tests.segar.policies.networks"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
     assert done.returncode == 0, done.stderr
