@@ -131,7 +131,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """The plan that a results folder holds, with the runs ``imported`` that are taken from tables of other machines; raises
     :class:`RunFolderError` if it holds none."""
     try:
-        plan = json.loads((folder / PLAN).read_text())
+        plan = json.loads((folder / PLAN).read_bytes())
     except (OSError, ValueError) as error:
         raise RunFolderError(
             f"{folder} holds no {PLAN} that can be read: {error}. Name a folder that experiments.reproduce made: results=..."

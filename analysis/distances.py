@@ -47,7 +47,7 @@ def transfer_levels(folder: Path, name: str) -> LevelPair | None:
         SegarError: the run's settings cannot be read.
     """
     there = folder / EVALUATIONS / name
-    asked = json.loads((there / SUMMARY).read_text())["transfer"]
+    asked = json.loads((there / SUMMARY).read_bytes())["transfer"]
     if asked.get("mixture"):
         return None
     test = LevelsConfig(train=asked["panel"], test=asked["panel"], variation=asked["variation"])

@@ -123,5 +123,5 @@ def first_steps(family: str) -> tuple[float, float]:
 def run(code: str, **environment: str) -> str:
     """Run Python code in a fresh process and return what it prints."""
     env = {**os.environ, **environment}
-    done = subprocess.run([sys.executable, "-c", code], env=env, check=True, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", code], env=env, check=True, capture_output=True, encoding="utf-8")
     return done.stdout

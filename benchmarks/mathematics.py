@@ -132,7 +132,7 @@ def errors(name: str, functions: list[Any], arguments: list[np.ndarray]) -> np.n
 
 def main(n: int = ARGUMENTS) -> None:
     """Write the table of the errors of each function, from ``n`` arguments."""
-    with TABLE.open("w", newline="") as file:
+    with TABLE.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(["function", "arguments", "largest", "mean", "largest_of_libm", "mean_of_libm"])
         for name in RANGES:

@@ -32,7 +32,9 @@ import numpy as np
 
 
 def main() -> None:
-    TARGET.write_text(text_of({name: value for name, value in constants().items() if not name.endswith("TABLE")}))
+    TARGET.write_text(
+        text_of({name: value for name, value in constants().items() if not name.endswith("TABLE")}), encoding="utf-8"
+    )
     print(f"wrote {TARGET}")
 
 

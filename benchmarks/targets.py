@@ -92,7 +92,7 @@ def v8_steps(twin: Twin, times: int) -> list[float]:
         files = [Path(folder) / name for name in ("code.wasm", "memory", "call.json")]
         for file, content in zip(files, (twin.kernel.code, machine.image, json.dumps(call).encode()), strict=True):
             file.write_bytes(content)
-        done = subprocess.run([*NODE, "-e", IN_V8, *map(str, files)], check=True, capture_output=True, text=True)
+        done = subprocess.run([*NODE, "-e", IN_V8, *map(str, files)], check=True, capture_output=True, encoding="utf-8")
     found = json.loads(done.stdout)
     wasm_steps(twin)
     assert found["hash"] == hashlib.sha256(machine.image).hexdigest(), "V8 and wasmtime differ"

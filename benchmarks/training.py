@@ -67,7 +67,8 @@ def train_side_by_side(runs: Sequence[Sequence[str]], iterations: int) -> list[d
     """What :func:`train` says of each run, all of them at the same time in processes of their own."""
     command = [sys.executable, "-m", "benchmarks.training", f"iterations={iterations}"]
     started = [
-        subprocess.Popen([*command, f"run={json.dumps([*run])}"], stdout=subprocess.PIPE, text=True) for run in runs
+        subprocess.Popen([*command, f"run={json.dumps([*run])}"], stdout=subprocess.PIPE, encoding="utf-8")
+        for run in runs
     ]
     said = [process.communicate()[0] for process in started]
     return [json.loads(one.splitlines()[-1]) for one in said]

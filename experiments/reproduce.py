@@ -328,7 +328,11 @@ def help_text() -> str:
     """What this module says of the command, with the scales and experiments in ``conf/``."""
     lines = [(__doc__ or "").strip(), "", "Scales:"]
     for file in sorted((conf_dir() / "scale").glob("*.yaml")):
-        about = [line[2:] for line in file.read_text().splitlines() if line.startswith("# ") and "@package" not in line]
+        about = [
+            line[2:]
+            for line in file.read_text(encoding="utf-8").splitlines()
+            if line.startswith("# ") and "@package" not in line
+        ]
         if file.stem != "single":
             lines.append(f"  {file.stem:<10} {' '.join(about)}")
     lines += ["", "Experiments, and the scales that they have:"]
@@ -339,7 +343,10 @@ def help_text() -> str:
 
 def experiment_files() -> dict[str, dict[str, Any]]:
     """Name and content of the files of ``conf/experiment``."""
-    return {file.stem: read_yaml(file.read_text()) for file in sorted((conf_dir() / "experiment").glob("*.yaml"))}
+    return {
+        file.stem: read_yaml(file.read_text(encoding="utf-8"))
+        for file in sorted((conf_dir() / "experiment").glob("*.yaml"))
+    }
 
 
 def main() -> None:

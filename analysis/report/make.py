@@ -127,7 +127,7 @@ def remove_others(folder: Path, files: list[Path]) -> None:
 
 def track(results: Path, report: Report) -> None:
     """Writes headline numbers and files to MLflow, as a run of its own; a repeated report replaces that run."""
-    plan: dict[str, Any] = json.loads((results / PLAN).read_text()) if (results / PLAN).exists() else {}
+    plan: dict[str, Any] = json.loads((results / PLAN).read_bytes()) if (results / PLAN).exists() else {}
     if plan.get("tracking", {"name": "none"})["name"] == "none":
         return
     tags = {"kind": "report", "report_folder": str(report.folder), "scale": report.subject.evidence.results.scale}

@@ -223,7 +223,7 @@ def optional(path: Path) -> pd.DataFrame:
 def scale_of(folder: Path) -> str:
     """The name of the scale: from the plan, or from the folder's name up to the first dash where there is no plan."""
     plan = folder / PLAN
-    return str(json.loads(plan.read_text())["scale"]) if plan.exists() else folder.name.partition("-")[0]
+    return str(json.loads(plan.read_bytes())["scale"]) if plan.exists() else folder.name.partition("-")[0]
 
 
 def measured(table: pd.DataFrame) -> pd.DataFrame:

@@ -41,7 +41,7 @@ face of their room, as in ``from segar.noise import LogUniform``."""
 def public_names() -> dict[str, list[str]]:
     """Room to the names that users may rely on."""
     found: dict[str, list[str]] = {}
-    for line in filter(None, PUBLIC.read_text().splitlines()):
+    for line in filter(None, PUBLIC.read_text(encoding="utf-8").splitlines()):
         if line.startswith("  "):
             found[[*found][-1]].append(re.split(r"\W", line.strip(), maxsplit=1)[0])
         else:

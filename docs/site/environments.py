@@ -114,8 +114,8 @@ def write_environments() -> None:
     names = [*segar.families(), *TASK_LEVELS]
     with ProcessPoolExecutor() as pool:
         for name, page in zip(names, pool.map(environment_page, names), strict=True):
-            (FOLDER / f"{name}.md").write_text(page)
-    (FOLDER / "index.md").write_text(index_page(names))
+            (FOLDER / f"{name}.md").write_text(page, encoding="utf-8")
+    (FOLDER / "index.md").write_text(index_page(names), encoding="utf-8")
 
 
 def environment_page(name: str) -> str:

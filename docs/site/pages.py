@@ -85,12 +85,12 @@ class Pages:
     def add_documentation(self) -> None:
         """The pages of ``docs/``, README.md as the front page, and what stands beside it."""
         for page in sorted(DOCS.rglob("*.md")):
-            self.add_page(page.relative_to(DOCS).as_posix(), page, page.read_text())
+            self.add_page(page.relative_to(DOCS).as_posix(), page, page.read_text(encoding="utf-8"))
         for name in BESIDE:
-            self.add_page(name, ROOT / name, (ROOT / name).read_text())
+            self.add_page(name, ROOT / name, (ROOT / name).read_text(encoding="utf-8"))
         self.texts["tutorial.md"] = with_frames(self.texts["tutorial.md"])
         results = "Results <results/README>"
-        self.add_page("index.md", ROOT / "README.md", (ROOT / "README.md").read_text())
+        self.add_page("index.md", ROOT / "README.md", (ROOT / "README.md").read_text(encoding="utf-8"))
         self.texts["index.md"] += FRONT.format(results=results)
         self.texts["results/README.md"] += self.reports()
         pages = (page for name in ("findings", "leaderboard") for page in sorted(DOCS.glob(f"results/*/{name}.md")))
@@ -106,7 +106,7 @@ class Pages:
 
     def add_sections(self) -> None:
         """An index of each folder: its section of docs/README.md."""
-        text = (DOCS / "README.md").read_text()
+        text = (DOCS / "README.md").read_text(encoding="utf-8")
         for folder, title in SECTIONS.items():
             (section,) = re.findall(rf"^## {title}\n(.*?)(?=^## )", text, re.M | re.S)
             listed = [name for name in re.findall(rf"\({folder}/([\w-]+)\.md\)", section)]
@@ -194,7 +194,10 @@ def shown_source(path: Path) -> Iterator[tuple[str, str]]:
         for file in files:
             yield from shown_source(file)
     else:
-        yield source_page(path), f"{head}````{{code-block}} {LEXERS.get(path.suffix, 'text')}\n{path.read_text()}````\n"
+        yield (
+            source_page(path),
+            f"{head}````{{code-block}} {LEXERS.get(path.suffix, 'text')}\n{path.read_text(encoding='utf-8')}````\n",
+        )
 
 
 if __name__ == "__main__":

@@ -49,10 +49,14 @@ def with_frames(tutorial: str) -> str:
 
 def write_playgrounds() -> None:
     """Write the pages of the tutorial, unless they are there as they would be made now."""
-    blocks = BLOCK.findall(TUTORIAL.read_text())
+    blocks = BLOCK.findall(TUTORIAL.read_text(encoding="utf-8"))
     files = [file for _, body in blocks for file in PAGE.findall(body)]
     made_from = digest(blocks)
-    if MADE_FROM.exists() and MADE_FROM.read_text() == made_from and all((FOLDER / file).exists() for file in files):
+    if (
+        MADE_FROM.exists()
+        and MADE_FROM.read_text(encoding="utf-8") == made_from
+        and all((FOLDER / file).exists() for file in files)
+    ):
         return
     MADE_FROM.unlink(missing_ok=True)
     shutil.rmtree(FOLDER, ignore_errors=True)
@@ -65,7 +69,7 @@ def write_playgrounds() -> None:
         run_commands(blocks, Path(lab))
         for file in files:
             shutil.copyfile(Path(lab) / file, FOLDER / file)
-    MADE_FROM.write_text(made_from)
+    MADE_FROM.write_text(made_from, encoding="utf-8")
 
 
 def digest(blocks: Sequence[tuple[str, str]]) -> str:
@@ -95,7 +99,7 @@ def run_commands(blocks: Sequence[tuple[str, str]], lab: Path) -> None:
     for language, body in blocks:
         if language == "python" and (file := FILE.match(body)):
             (lab / file[1]).parent.mkdir(exist_ok=True)
-            (lab / file[1]).write_text(body)
+            (lab / file[1]).write_text(body, encoding="utf-8")
     environment = os.environ | {
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         "PYTHONPATH": str(ROOT),

@@ -115,8 +115,8 @@ def write_suites() -> None:
     FOLDER.mkdir(parents=True)
     with ProcessPoolExecutor() as pool:
         for name, page in zip(suites(), pool.map(card_page, suites()), strict=True):
-            (FOLDER / f"{name}.md").write_text(page)
-    (FOLDER / "index.md").write_text(index_page())
+            (FOLDER / f"{name}.md").write_text(page, encoding="utf-8")
+    (FOLDER / "index.md").write_text(index_page(), encoding="utf-8")
 
 
 def card_page(name: str) -> str:

@@ -174,7 +174,7 @@ def read_row(folder: Path) -> Row:
 
 def _description(path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_bytes())
     except OSError as error:
         raise RunFolderError(f"{path}: there is no row: {error.strerror}") from error
     except ValueError as error:
@@ -308,5 +308,5 @@ def read_piece(folder: Path) -> NewPiece | None:
     """The piece in a folder of its own; None where there is none."""
     if not (folder / PIECE).exists():
         return None
-    piece = Piece(**json.loads((folder / PIECE).read_text()))
+    piece = Piece(**json.loads((folder / PIECE).read_bytes()))
     return NewPiece(piece, pq.read_table(folder / TABLE), folder / piece.file if piece.file else None)

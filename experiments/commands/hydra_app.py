@@ -31,6 +31,7 @@ from experiments.commands.overrides import (
 from experiments.commands.signals import Stopped
 from experiments.settings import ConfigError, RunConfig, import_object, run_config
 from segar.errors import SegarError
+from segar.support import escape_what_cannot_be_printed
 
 # Options of Hydra's that show something and run nothing, or run what an earlier command was.
 SHOWS = ("--help", "-h", "--hydra-help", "--shell-completion", "-sc", "--experimental-rerun")
@@ -39,7 +40,8 @@ SHOWS = ("--help", "-h", "--hydra-help", "--shell-completion", "-sc", "--experim
 @contextmanager
 def ends_with_its_reader() -> Iterator[None]:
     """A block, or a command that it decorates, that ends quietly with 141, as a shell has it, where nobody reads what it prints
-    any more, such as in ``| head``."""
+    any more, such as in ``| head``. Characters that cannot be printed are escaped."""
+    escape_what_cannot_be_printed()
     try:
         try:
             yield

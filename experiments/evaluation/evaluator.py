@@ -168,7 +168,7 @@ def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:
 def code_replaced(out: Path, code: Mapping[str, str]) -> list[str]:
     """Names of the parts of ``code`` that were others when the evaluation in this folder was made; none where none was."""
     path = out / SUMMARY
-    before = json.loads(path.read_text()).get("code") if path.exists() else None
+    before = json.loads(path.read_bytes()).get("code") if path.exists() else None
     return [] if before is None else differing_parts(before, code)
 
 

@@ -407,7 +407,7 @@ def kind_of(run: RunConfig) -> tuple[str, str]:
 def is_study_done(study: StudyTask) -> bool:
     """Whether the study went through with these options."""
     try:
-        return json.loads(study.done_file.read_text()) == study.request()
+        return json.loads(study.done_file.read_bytes()) == study.request()
     except (OSError, ValueError):
         return False
 

@@ -140,7 +140,7 @@ def _run_job(work: Callable[[Any], Any], job: Job) -> JobResult:
 def _output_to(log: Path) -> Iterator[None]:
     """Sends all output of this process to ``log``, that of C libraries included."""
     kept = os.dup(1), os.dup(2)
-    with log.open("w") as stream:
+    with log.open("w", encoding="utf-8") as stream:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
     try:

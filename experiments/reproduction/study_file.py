@@ -67,7 +67,7 @@ def read_study(path: Path) -> StudyFile:
         ConfigError: the file cannot be read, or says something wrong; the message says where.
     """
     try:
-        data = read_yaml(path.read_text())
+        data = read_yaml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"cannot read the study {path.resolve()}: {error.strerror}") from error
     except ValueError as error:

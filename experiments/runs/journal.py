@@ -64,7 +64,7 @@ class Journal:
 def read_journal(folder: Path) -> list[dict[str, Any]]:
     """All lines of a run's journal that are whole; a full disk or a power cut can leave others."""
     path = folder / JOURNAL
-    lines = path.read_text(errors="replace").splitlines() if path.exists() else []
+    lines = path.read_text(errors="replace", encoding="utf-8").splitlines() if path.exists() else []
     return [entry for entry in map(_parsed, lines) if entry is not None]
 
 

@@ -114,7 +114,7 @@ def is_finished(folder: Path) -> bool:
 def sweeps_of(folder: Path, config: RunConfig) -> tuple[str, ...]:
     """The names of the sweeps that a run is of: its own, and those that asked for it when it was finished."""
     path = folder / SWEEPS
-    further = json.loads(path.read_text())["sweeps"] if path.exists() else []
+    further = json.loads(path.read_bytes())["sweeps"] if path.exists() else []
     return tuple(name for name in (config.tracking.sweep, *further) if name)
 
 
@@ -267,7 +267,7 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
     """
     path = Path(folder) / CONFIG
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
         data = read_yaml(text)
         if not isinstance(data, Mapping):
             raise ConfigError("it holds no settings")
@@ -288,13 +288,13 @@ def read_summary(folder: Path) -> dict[str, Any]:
     path = Path(folder) / SUMMARY
     if not path.exists():
         raise RunFolderError(f"the run in {folder} is not finished: there is no {SUMMARY}")
-    return json.loads(path.read_text())
+    return json.loads(path.read_bytes())
 
 
 def read_evaluation(place: Path) -> dict[str, Any] | None:
     """The summary of an evaluation, whose folder is in ``evaluations/`` of a run; None where there is none."""
     path = Path(place) / SUMMARY
-    return json.loads(path.read_text()) if path.exists() else None
+    return json.loads(path.read_bytes()) if path.exists() else None
 
 
 def of_another_agent(folder: Path, evaluation: Mapping[str, Any]) -> str:
@@ -308,7 +308,7 @@ def of_another_agent(folder: Path, evaluation: Mapping[str, Any]) -> str:
 
 def read_versions(folder: Path) -> dict[str, Any]:
     """Libraries, commit, code fingerprint and level hashes of the run."""
-    return json.loads((Path(folder) / VERSIONS).read_text())
+    return json.loads((Path(folder) / VERSIONS).read_bytes())
 
 
 def read_episodes(folder: Path) -> pa.Table:

@@ -209,4 +209,4 @@ def tags_of(config: RunConfig) -> dict[str, str]:
 def read_sync_state(folder: Path, name: str = SYNC_STATE) -> SyncState | None:
     """How much of the run in ``folder`` was sent, by the file of this name; None where nothing was."""
     path = folder / name
-    return SyncState(**json.loads(path.read_text())) if path.exists() else None
+    return SyncState(**json.loads(path.read_bytes())) if path.exists() else None

@@ -23,7 +23,7 @@ from segar.cli import (
 )
 from segar.cli.arguments import load_levels, table
 from segar.errors import SegarError
-from segar.support import USAGE_ERROR, Parser, __version__
+from segar.support import USAGE_ERROR, Parser, __version__, escape_what_cannot_be_printed
 
 FAILURE = 1  # exit status where the machine refuses
 INTERRUPTED = 128 + signal.SIGINT  # exit status after Ctrl-C, as shells have it
@@ -31,6 +31,7 @@ INTERRUPTED = 128 + signal.SIGINT  # exit status after Ctrl-C, as shells have it
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command with these arguments (default: the process's) and return its exit status."""
+    escape_what_cannot_be_printed()
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())  # one's own modules are found as with `python -m`
     chosen = make_parser().parse_args(arguments)

@@ -108,7 +108,7 @@ def _data_in(path: Path) -> dict[str, Any]:
     import yaml
 
     try:
-        data = yaml.safe_load(path.read_text())
+        data = yaml.safe_load(path.read_bytes())
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise SegarError(f"{path} cannot be read: {error}") from error
     return _checked(data, path)

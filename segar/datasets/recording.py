@@ -161,7 +161,7 @@ def _unfinished(dataset_id: str, recipe: Recipe) -> Iterator[Path]:
             recipe_from(from_json(begun.read_bytes()), str(begun)).require_same(recipe, f"{folder} holds a recording")
         else:
             with replacing(begun, "the recipe") as beside:
-                beside.write_text(json.dumps(asdict(recipe), indent=1) + "\n")
+                beside.write_text(json.dumps(asdict(recipe), indent=1) + "\n", encoding="utf-8")
         try:
             yield folder
         except BaseException:

@@ -132,7 +132,7 @@ def level_data(level: Levels) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "level.json"
         level.save(path)
-        data = json.loads(path.read_text())
+        data = json.loads(path.read_bytes())
     data["description"].pop("moments", None)  # of distances, which no question needs
     return data
 

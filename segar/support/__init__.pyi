@@ -7,7 +7,11 @@ from .code_folder import (
     private_cache_folder as private_cache_folder,
     say_where_kept as say_where_kept,
 )
-from .command_line import USAGE_ERROR as USAGE_ERROR, Parser as Parser
+from .command_line import (
+    USAGE_ERROR as USAGE_ERROR,
+    Parser as Parser,
+    escape_what_cannot_be_printed as escape_what_cannot_be_printed,
+)
 from .compiled import cached as cached, keep_kernel as keep_kernel
 from .counter_kernel import (
     GOLDEN as GOLDEN,

@@ -1,10 +1,17 @@
 """What all commands that are not Hydra's share: argparse, with refusals of one line."""
 
 import argparse
+import io
 import sys
 from typing import Any, NoReturn
 
 USAGE_ERROR = 2  # exit status of what is not known or makes no sense, as argparse has it
+
+
+def escape_what_cannot_be_printed() -> None:
+    """Have characters that the terminal's encoding lacks printed as escapes, where Python would end the program."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 class Parser(argparse.ArgumentParser):

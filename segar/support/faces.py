@@ -18,6 +18,6 @@ def lazy_face(room: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
         room: ``__name__`` of the room. file: its ``__file__``.
     """
     load, names, _ = attach_stub(room, file)
-    stub = ast.parse(Path(file).with_suffix(".pyi").read_text())
+    stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
     public = [ast.literal_eval(node.value) for node in stub.body if isinstance(node, ast.Assign)]
     return load, names, public[0] if public else []

@@ -15,7 +15,7 @@ from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Finding
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.tests import StatedTest, finding_of
 
-STATEMENTS: Mapping[str, Mapping[str, Any]] = yaml.safe_load(Path(__file__).with_name("statements.yaml").read_text())
+STATEMENTS: Mapping[str, Mapping[str, Any]] = yaml.safe_load(Path(__file__).with_name("statements.yaml").read_bytes())
 # What the names in braces stand for in each metric.
 METRICS: Mapping[str, Mapping[str, str]] = {
     METRIC_2022: {

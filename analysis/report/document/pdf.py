@@ -25,7 +25,7 @@ def print_page(page: Path, pdf: Path) -> None:
         options = ["--headless", "--disable-gpu", "--no-pdf-header-footer", f"--print-to-pdf={beside}"]
         command = [browser, *sandbox, *options, page.as_uri()]
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=MOST_SECONDS, check=True)
+            done = subprocess.run(command, capture_output=True, timeout=MOST_SECONDS, check=True, encoding="utf-8")
         except subprocess.CalledProcessError as error:
             raise RunFolderError(f"{browser} has not printed {page}: {error.stderr.strip()}") from error
         except subprocess.TimeoutExpired as error:

@@ -100,7 +100,7 @@ def read_study(folder: Path) -> Study:
     """The study in a results folder; raises :class:`RunFolderError`."""
     path = folder / STUDY
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
         asked = read_yaml(text)
     except (OSError, ValueError) as error:
         raise RunFolderError(f"cannot read {path}: {error}") from error

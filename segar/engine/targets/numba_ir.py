@@ -24,7 +24,7 @@ PLAIN_PROCESSOR = {
 def intermediate_code(entries: Sequence[Entry]) -> list[dict[str, Any]]:
     """For each entry its ``ir`` and the ``symbol`` of its function there; raises :class:`SegarError` where numba fails."""
     done = subprocess.run(
-        [sys.executable, "-m", __spec__.name], input=json.dumps([asdict(one) for one in entries]), text=True,
+        [sys.executable, "-m", __spec__.name], input=json.dumps([asdict(one) for one in entries]), encoding="utf-8",
         capture_output=True, env={**os.environ, **PLAIN_PROCESSOR, "PYTHONPATH": os.pathsep.join(sys.path)}, check=False,
     )  # fmt: skip
     if done.returncode:

@@ -1,0 +1,97 @@
+"""Text is UTF-8 whatever the locale says: in files, in pipes, and where the terminal knows fewer characters."""
+
+import ast
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from tests.places import ROOT
+
+ROOMS = ("segar", "experiments", "analysis", "docs", "benchmarks", "examples")
+OF_OTHERS = ("os", "Image", "webbrowser", "sync", "self")  # their open() opens no text file
+C_LOCALE = {**os.environ, "PYTHONUTF8": "0", "LC_ALL": "C", "PYTHONPATH": str(ROOT)}
+
+
+def unspecified(text: str) -> Iterator[str]:
+    """Calls that open a file or a pipe as text, and leave its encoding to the locale."""
+    for call in ast.walk(ast.parse(text)):
+        if not isinstance(call, ast.Call) or any(one.arg == "encoding" for one in call.keywords):
+            continue
+        owner, _, name = ast.unparse(call.func).rpartition(".")
+        given = {one.arg: one.value for one in call.keywords}
+        mode = given.get("mode") or next(iter(call.args[0 if owner else 1 :]), None)
+        if name in ("read_text", "write_text"):
+            opens = len(call.args) < 2 and (owner or name == "read_text")
+        elif name in ("open", "fdopen"):
+            opens = owner not in OF_OTHERS and "archive" not in owner and not (mode and "b" in ast.unparse(mode))
+        else:
+            opens = {"text", "universal_newlines"} & {*given} or name in ("FileHandler", "TextIOWrapper")
+        if opens:
+            yield ast.unparse(call)
+
+
+def test_no_text_has_the_encoding_of_the_locale():
+    found = {
+        path.relative_to(ROOT).as_posix(): calls
+        for room in ROOMS
+        for path in (ROOT / room).rglob("*.py")
+        if (calls := [*unspecified(path.read_text(encoding="utf-8"))])
+    }
+    assert found == {}
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["p.read_text()", "p.write_text(x)", "open(p)", "open(p, 'w')", "p.open()", "p.open('a')", "run(c, text=True)"],
+)
+def test_such_a_call_is_found(text):
+    assert [*unspecified(text)] == [text]
+
+
+def run(*arguments, folder):
+    return subprocess.run(
+        [sys.executable, *arguments], env=C_LOCALE, cwd=folder, capture_output=True, encoding="utf-8", check=False
+    )
+
+
+RULE = """
+import segar
+from segar.language.factors import Mass
+
+@segar.rule
+def größe(m: Mass) -> segar.SetFactor[Mass]:
+    \"\"\"Verändert die Größe, in µg.\"\"\"
+    return segar.SetFactor[Mass](m, m)
+
+family = segar.levels.family("empty-easy").with_rules([*segar.DEFAULT_RULES, größe])
+"""
+
+
+def test_a_rule_with_an_umlaut_is_shown_in_the_locale_c(tmp_path):
+    (tmp_path / "eigene.py").write_text(RULE, encoding="utf-8")
+    shown = run("-m", "segar", "kernel", "show", "eigene:family", folder=tmp_path)
+    assert shown.returncode == 0 and "gr\\xf6\\xdfe" in shown.stdout, shown.stderr
+
+
+STUDY = """
+title: Größe
+settings: {algorithm: ppo_fast, observation: state, scale.frames: 2000}
+grid: {families: [empty-easy], counts: [1], seeds: 1}
+claims: {größe: {says: "Größer ist schlechter.", test: correlation, given: [panel], expected: negative}}
+"""
+
+
+def test_kernels_captions_and_studies_are_written_and_read_in_the_locale_c(tmp_path):
+    (tmp_path / "study.yaml").write_text(STUDY, encoding="utf-8")
+    program = (
+        "import pathlib, analysis.report.captions, analysis.report.claims.statements\n"
+        "from experiments.reproduction.study_file import read_study\n"
+        "from segar.engine.compiler.kernel_cache import load_module\n"
+        "load_module('gr\\xf6\\xdfe = 1\\n')\n"
+        "assert read_study(pathlib.Path('study.yaml')).experiment['title'] == 'Gr\\xf6\\xdfe'\n"
+    )
+    done = run("-c", program, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
