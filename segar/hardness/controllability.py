@@ -8,7 +8,7 @@ from segar.errors import SegarError
 from segar.hardness.rollouts import Starts, make_starts, play_forks, scripted, trace, uniform_actions
 from segar.language import Layout, Task
 from segar.levels import Levels, checks
-from segar.support import end_of_part, is_whole
+from segar.support import is_whole
 
 TRACES = 2048  # that are held at a time; bounds the memory
 
@@ -115,7 +115,6 @@ def _measure(
 ) -> tuple[np.ndarray, ...]:
     """Of each level in ``rows``: largest difference of two plays and largest change, ``(rows, entities, factors)``; sums
     of derivatives' sizes ``(rows, horizon, entities, factors)`` and how many they are ``(rows, horizon)``; plays."""
-    end_of_part()
     n, layout = len(rows), starts.levels.layout
     drawn = uniform_actions(starts.task, n * plays, horizon, rng).reshape(n, plays, horizon, -1)
     sequences = np.concatenate([drawn, _set_pieces(starts, rows, horizon)], axis=1)

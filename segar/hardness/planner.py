@@ -14,7 +14,7 @@ from segar.errors import SegarError
 from segar.hardness.rollouts import Episodes, ForkedEpisodes, OpenLoop, Starts, make_starts, play_forks, scripted
 from segar.language import Task
 from segar.levels import Levels, checks
-from segar.support import ArchiveFormat, Form, end_of_part
+from segar.support import ArchiveFormat, Form
 
 BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
 ELITES = 0.125  # share of the candidates that the next ones are drawn around
@@ -196,7 +196,6 @@ def _search(
     mean, spread = best.actions, np.full((n, *shape), FIRST_SPREAD * half_range, np.float32)
     elites, level = max(2, round(ELITES * samples)), np.repeat(np.arange(n), samples)
     for _ in range(iterations):
-        end_of_part()
         limits = np.minimum(np.where(best.solved, PATIENCE * best.steps, task.max_steps), task.max_steps)
         smooth = _Perturbed(mean, spread, level, rng)
         player: Policy = smooth

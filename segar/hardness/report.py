@@ -9,7 +9,6 @@ from segar.hardness.planner import BATCH, Plan, require_search, scripted_episode
 from segar.hardness.rollouts import Episodes, Starts, make_starts, play_forks, uniform_actions
 from segar.language import Task
 from segar.levels import Levels, checks
-from segar.support import end_of_part
 
 NORMAL_95 = 1.959963984540054  # two-sided 95 % point of the standard normal distribution
 
@@ -131,7 +130,6 @@ def random_episodes(starts: Starts, plays: int, rng: np.random.Generator) -> tup
 
     solved, returns = np.zeros(len(rows), np.bool_), np.zeros(len(rows))
     for at in range(0, len(rows), BATCH):
-        end_of_part()
         block = slice(at, at + BATCH)
         keys = rng.integers(0, 2**64, len(rows[block]), np.uint64)
         played = play_forks(starts, rows[block], at_random, keys=keys)

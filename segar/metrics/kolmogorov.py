@@ -12,7 +12,6 @@ from segar.levels import LevelDistribution, Levels, checks
 from segar.metrics.distribution_functions import Curve, SampleAgainstDistribution, TwoSamples, factor_marginals
 from segar.metrics.joint_kernel import largest_difference
 from segar.metrics.unseen import warn_of_unseen
-from segar.support import end_of_part
 
 Side = Levels | LevelDistribution
 
@@ -190,7 +189,6 @@ def _dealt(
     """Joint statistics of the levels of both sets, dealt at random."""
     found = []
     for _ in range(resamples):
-        end_of_part()
         first = np.zeros(len(a) + len(b), dtype=bool)
         first[rng.permutation(len(first))[: len(a)]] = True
         found.append(joint_difference([m.dealt(first, len(a)) for m in marginals]))

@@ -14,7 +14,7 @@ from segar.levels import Levels, checks, entity_types, gather
 from segar.metrics.points import Spread, Units
 from segar.metrics.transport import balanced_costs, matching_costs, sliced_costs
 from segar.metrics.unseen import warn_of_unseen
-from segar.support import emd, end_of_part, pot
+from segar.support import emd, pot
 
 Mode = Literal["exact", "reference", "paper"]
 
@@ -188,7 +188,6 @@ def resampled(pooled: np.ndarray, n: int, rng: np.random.Generator, resamples: i
     value, m = float(np.sqrt(emd(between))), between.shape[1]
     drawn = []
     for _ in range(resamples):
-        end_of_part()
         times_a, times_b = rng.multinomial(n, np.full(n, 1 / n)), rng.multinomial(m, np.full(m, 1 / m))
         drawn.append(np.sqrt(emd(between, times_a, times_b)))
     margin = 1.96 * float(np.std(drawn, ddof=1))
@@ -196,7 +195,6 @@ def resampled(pooled: np.ndarray, n: int, rng: np.random.Generator, resamples: i
         margin = float("nan")
     dealt = []
     for _ in range(resamples):
-        end_of_part()
         deal = rng.permutation(n + m)
         dealt.append(np.sqrt(emd(pooled[np.ix_(deal[:n], deal[n:])])))
     p_value = float((1 + sum(d >= (1 - SAME) * value for d in dealt)) / (1 + resamples))

@@ -8,10 +8,7 @@ another page asks. It serves no file.
 import asyncio
 import secrets
 import socket
-import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import Future
 from typing import Any
 
 import uvicorn
@@ -22,12 +19,12 @@ from starlette.routing import Route
 
 from segar.errors import SegarError
 from segar.playground.studio import FORMS, Studio
-from segar.support import Stopped, from_json
+from segar.playground.worker import LOOK, Worker
+from segar.support import from_json
 
 HOST = "127.0.0.1"
 MOST_BYTES = 1_000_000  # of a question
 TOKEN_BYTES = 32
-LOOK = 0.1  # [s] after which it is seen whether somebody still waits for an answer
 HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
@@ -50,7 +47,7 @@ class StudioServer:
     """
 
     def __init__(self, studio: Studio, port: int = 0) -> None:
-        self._studio = studio
+        self._html, self._worker = studio.html, Worker(lambda asked: _answered(studio, *asked))
         self._socket = _listening(port)
         self.port: int = self._socket.getsockname()[1]
         self._token = secrets.token_urlsafe(TOKEN_BYTES)
@@ -64,7 +61,10 @@ class StudioServer:
 
     def run(self) -> None:
         """Answer requests until ``stop`` or Ctrl-C; then work that is not done is ended."""
-        self._server.run(sockets=[self._socket])
+        try:
+            self._server.run(sockets=[self._socket])
+        finally:
+            self._worker.close()
 
     def stop(self) -> None:
         """Have ``run`` return soon."""
@@ -79,7 +79,7 @@ class StudioServer:
         if not secrets.compare_digest(token.encode(), self._token.encode()) or "/" not in request.path_params["rest"]:
             return _empty(404)
         if request.method != "POST":
-            return HTMLResponse(self._studio.html, headers=HEADERS) if name == "" else _empty(404)
+            return HTMLResponse(self._html, headers=HEADERS) if name == "" else _empty(404)
         if request.headers.get("origin") != f"http://{host}":
             return _empty(403)
         if name not in FORMS:
@@ -99,48 +99,41 @@ class StudioServer:
         return await self._answer(request, name, question)
 
     async def _answer(self, request: Request, name: str, question: Any) -> Response:
-        """The answer to a question, which a thread finds while nobody else asks; ended where nobody waits for it."""
+        """The answer to a question, while nobody else asks; the work is ended where nobody waits for it any more."""
         if self._working is not None:
             other, since = self._working
             seconds = time.monotonic() - since
             return _said(
                 409, f"the studio is at work ({other}, for {seconds:.0f} s); wait until it is done, or stop it"
             )
-        self._working, stop = (name, time.monotonic()), threading.Event()
-        work = asyncio.wrap_future(_in_thread(lambda: self._studio.answer(name, question, stop)))
+        self._working, reply = (name, time.monotonic()), None
         try:
-            while not work.done():
-                await asyncio.wait({work}, timeout=LOOK)
-                if self._server.should_exit:
-                    raise Stopped  # whatever part the work is in, the thread ends with the process
-                if await request.is_disconnected():
-                    stop.set()
-            return JSONResponse(work.result(), headers=HEADERS)
-        except Stopped:
-            return _said(503, "the work was stopped")
-        except SegarError as error:
-            return _said(422, str(error))
-        except MemoryError as error:
-            return _said(422, f"there is not enough memory ({error}); ask for smaller numbers")
-        except OSError as error:  # of a folder of runs
-            return _said(422, f"{error.filename or 'the system'}: {error.strerror or error}")
+            self._worker.ask((name, question))
+            while reply is None:
+                if self._server.should_exit or await request.is_disconnected():
+                    self._worker.stop()
+                    return _said(503, "the work was stopped")
+                await asyncio.sleep(LOOK)
+                reply = self._worker.answered()
+        except (EOFError, OSError):
+            return _said(500, "the system ended the work, perhaps for lack of memory; ask for smaller numbers")
         finally:
-            stop.set()
             self._working = None
+        status, found, self._html = reply
+        return JSONResponse(found, status, headers=HEADERS)
 
 
-def _in_thread(work: Callable[[], Any]) -> Future[Any]:
-    """The result of work in a thread for which the end of the process does not wait."""
-    found: Future[Any] = Future()
-
-    def run() -> None:
-        try:
-            found.set_result(work())
-        except BaseException as error:
-            found.set_exception(error)
-
-    threading.Thread(target=run, daemon=True).start()
-    return found
+def _answered(studio: Studio, name: str, question: Any) -> tuple[int, dict[str, Any], str]:
+    """Status and answer to a question, and the page as it is now."""
+    try:
+        return 200, studio.answer(name, question), studio.html
+    except SegarError as error:
+        why = str(error)
+    except MemoryError as error:
+        why = f"there is not enough memory ({error}); ask for smaller numbers"
+    except OSError as error:  # of a folder of runs
+        why = f"{error.filename or 'the system'}: {error.strerror or error}"
+    return 422, {"error": why}, studio.html
 
 
 async def _body_of(request: Request) -> bytes | None:

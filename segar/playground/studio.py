@@ -1,6 +1,5 @@
 """What a studio answers: new draws from edited distributions, distances, plans and hardness, with the library itself."""
 
-import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -22,7 +21,7 @@ from segar.playground.run_folder import read_policy
 from segar.policies import NETWORK_FILE
 from segar.rendering import Stage
 from segar.rules import World
-from segar.support import end_of_part, misfit, stoppable
+from segar.support import misfit
 from segar.tasks import task_of
 
 W2_RESAMPLES = 100
@@ -89,16 +88,14 @@ class Studio:
         self.version = 0
         self.html, self.task = self._page(self.sides, None)
 
-    def answer(self, name: str, question: Question, stop: threading.Event) -> dict[str, Any]:
+    def answer(self, name: str, question: Question) -> dict[str, Any]:
         """The answer to a question, as plain data.
 
         Args:
             name: one of :data:`FORMS`.
-            stop: ends the work after one of its parts once it is set.
 
         Raises:
             SegarError: the question has another form, or has no answer; the message says why.
-            Stopped: ``stop`` was set.
         """
         if wrong := misfit(question, FORMS[name]):
             raise SegarError(f"{name}: {wrong}")
@@ -106,8 +103,7 @@ class Studio:
             raise SegarError("the studio shows other levels now, because they were drawn anew; reload the page")
         if not 0 <= question.get("set", 0) < len(self.sides):
             raise SegarError(f"there are {len(self.sides)} level sets here, and no set {question['set']}")
-        with stoppable(stop):
-            return getattr(self, f"_{name}")(question)
+        return getattr(self, f"_{name}")(question)
 
     def _draw(self, question: Question) -> dict[str, Any]:
         """Draw a set anew, from the distribution that a text says."""
@@ -207,9 +203,8 @@ class Studio:
         return found
 
     def _change(self, sides: tuple[Side, ...], run: str | None) -> None:
-        """Show other sets or another policy, once the page with them is there and if somebody still waits for it."""
+        """Show other sets or another policy, once the page with them is there."""
         html, task = self._page(sides, run, self.version + 1)
-        end_of_part()
         self.sides, self.run, self.html, self.task, self.version = sides, run, html, task, self.version + 1
 
     def _page(self, sides: Sequence[Side], run: str | None, version: int = 0) -> tuple[str, Task | None]:

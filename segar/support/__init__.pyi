@@ -64,7 +64,6 @@ from .npz import (
     open_npz as open_npz,
 )
 from .optimal_transport import emd as emd, plan_of as plan_of, pot as pot
-from .stopping import Stopped as Stopped, end_of_part as end_of_part, stoppable as stoppable
 from .text_table import aligned as aligned, counted as counted
 from .threads import Team as Team
 from .version import __version__ as __version__

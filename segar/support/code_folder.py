@@ -33,16 +33,17 @@ def private_cache_folder() -> Path:
         SegarError: a folder belongs to somebody else, others can write to the folder that ``$SEGAR_CACHE_DIR`` names, this one
             cannot be made, or there is no other one.
     """
+    why = ""
     for folder in (*_usual(), *_temporary()):
         is_named = str(folder) == os.environ.get(FOLDER)
         try:
             _make_private(folder, is_named)
             return folder
         except OSError as cause:
-            refused = SegarError(f"kernels cannot be kept in {folder}: {cause.strerror}; {ADVICE}")
+            why = f"kernels cannot be kept in {folder}: {cause.strerror}; {ADVICE}"
             if is_named and not os.path.isdir(folder):
-                raise refused from cause
-    raise refused
+                break
+    raise SegarError(why)
 
 
 def is_trusted(folder: Path) -> bool:

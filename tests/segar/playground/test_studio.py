@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import os
 import re
 import signal
 import subprocess
@@ -24,11 +25,10 @@ from segar.playground import Studio, make_playground
 from segar.playground.server import MOST_BYTES, StudioServer
 from segar.playground.studio import FORMS
 from segar.policies import Network
-from segar.support import Stopped
 from tests.places import ROOT
 from tests.segar.playground.browsers import Chromium
 from tests.segar.policies.networks import Builder
-from tests.waiting import PATIENCE
+from tests.waiting import PATIENCE, until
 
 TRAIN = segar.family("empty-hard").sample(6, seed=1)
 TEST = segar.family("empty-easy").sample(5, seed=2, split="test")
@@ -162,9 +162,11 @@ def test_a_draw_is_that_of_the_library_and_the_page_shows_it(client: Client) -> 
         ],
     )
     assert answer["distribution"] == expected.hash
-    drawn = client.server._studio.sides[0].levels
+    studio = Studio(TRAIN, TEST, observations=["state"])
+    studio.answer("draw", {"version": 0, "set": 0, "text": TEXT, "seed": 9, "split": "mine", "number": 4})
+    drawn = studio.sides[0].levels
     assert np.array_equal(drawn.values, expected.sample(4, seed=9, split="mine").values, equal_nan=True)
-    assert client.request("GET", client.path)[2] != before
+    assert client.request("GET", client.path)[2] == studio.html.encode() != before
     again = client.answer("draw", set=0, text=TEXT, seed=9, split="mine", number=3)
     assert again["name"] == "empty-hard, edited"
 
@@ -182,20 +184,10 @@ def test_a_draw_is_that_of_the_library_and_the_page_shows_it(client: Client) -> 
     ],
 )
 def test_a_draw_that_cannot_be_leaves_everything_as_it_is(client: Client, change: dict[str, Any], why: str) -> None:
-    studio = client.server._studio
-    before = studio.sides, studio.html, studio.version
+    before = client.request("GET", client.path)[2]
     status, answer = client.ask("draw", **({"set": 0, "text": TEXT, "seed": 0, "split": "train", "number": 3} | change))
     assert status == 422 and why in answer["error"]
-    assert (studio.sides, studio.html, studio.version) == before
-
-
-def test_a_draw_that_nobody_waits_for_changes_nothing() -> None:
-    studio, stop = Studio(TRAIN, observations=["state"]), threading.Event()
-    stop.set()
-    question = {"version": 0, "set": 0, "text": TEXT, "seed": 0, "split": "train", "number": 3}
-    with pytest.raises(Stopped):
-        studio.answer("draw", question, stop)
-    assert (studio.version, len(studio.sides[0].levels)) == (0, len(TRAIN))
+    assert client.request("GET", client.path)[2] == before
 
 
 def test_distances_are_those_of_the_library(client: Client) -> None:
@@ -212,12 +204,11 @@ def test_distances_are_those_of_the_library(client: Client) -> None:
 def test_one_set_has_no_distance_and_a_file_no_distribution(tmp_path: Path) -> None:
     TRAIN.save(tmp_path / "levels.npz")
     studio = Studio(segar.Levels.load(tmp_path / "levels.npz"), observations=["state"])
-    never = threading.Event()
     with pytest.raises(segar.SegarError, match="start the studio with --test"):
-        studio.answer("distance", {"version": 0}, never)
+        studio.answer("distance", {"version": 0})
     question = {"version": 0, "set": 0, "text": TEXT, "seed": 0, "split": "train", "number": 3}
     with pytest.raises(segar.SegarError, match="come from a file"):
-        studio.answer("draw", question, never)
+        studio.answer("draw", question)
     assert Studio(TRAIN, observations=["state"]).sides[0].text
 
 
@@ -262,14 +253,6 @@ def test_hardness_is_that_of_the_library(client: Client) -> None:
     assert [one["factor"] for one in found["factors"]] == [one.factor for one in factors if one.kind == "endogenous"]
 
 
-@pytest.mark.parametrize(("name", "asked"), [("distance", {}), ("hardness", {"set": 0})])
-def test_work_ends_at_the_end_of_a_part(name: str, asked: dict[str, Any]) -> None:
-    studio, stop = Studio(TRAIN, TEST, observations=["state"]), threading.Event()
-    stop.set()
-    with pytest.raises(Stopped):
-        studio.answer(name, {"version": 0, **asked}, stop)
-
-
 @pytest.mark.parametrize(("many", "why"), [(10**8, "from 0 to 1,000"), (1000, "can have 1,001,000 things")])
 def test_more_things_than_can_be_drawn_in_seconds_are_refused(client: Client, many: int, why: str) -> None:
     text = TEXT.replace("(GolfBall, 1)", f"(GolfBall, {many})")
@@ -278,47 +261,110 @@ def test_more_things_than_can_be_drawn_in_seconds_are_refused(client: Client, ma
 
 
 class Slow:
-    """A studio whose work ends only when it is stopped."""
+    """A studio whose work never ends, in a process and in one that this one starts; it does not even hear signals."""
 
-    def __init__(self) -> None:
-        self.html = "a page"
-        self.begun, self.ended, self.part = threading.Event(), threading.Event(), threading.Event()
-        self.part.set()
+    def __init__(self, folder: Path) -> None:
+        self.html, self.version, self.pids = "a page", 0, folder / "pids"
 
-    def answer(self, name: str, question: Any, stop: threading.Event) -> dict[str, Any]:
-        self.begun.set()
-        assert stop.wait(PATIENCE) and self.part.wait(PATIENCE)
-        self.ended.set()
-        raise Stopped
+    def answer(self, name: str, question: Any) -> dict[str, Any]:
+        if "x" in question:
+            self.version += 1
+            self.html = f"page {self.version}"
+            return {"version": self.version}
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+        other = subprocess.Popen(["sleep", "1000"])
+        self.pids.with_suffix(".new").write_text(f"{os.getpid()} {other.pid}")
+        self.pids.with_suffix(".new").rename(self.pids)
+        while True:
+            pass
+
+    def wait(self) -> list[int]:
+        """The processes that work, once they do."""
+        until(self.pids.exists)
+        found = [int(one) for one in self.pids.read_text().split()]
+        self.pids.unlink()
+        return found
 
 
-def test_one_question_at_a_time_and_work_for_nobody_is_stopped() -> None:
-    slow = Slow()
+def is_alive(pid: int) -> bool:
+    """Whether a process is there and no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def begin(client: Client) -> http.client.HTTPConnection:
+    """A connection on which an answer is waited for."""
+    waiting = client.connection()
+    waiting.request("POST", client.path + "runs", b"{}", client.headers())
+    return waiting
+
+
+def test_one_question_at_a_time_and_work_for_nobody_is_ended(tmp_path: Path) -> None:
+    slow = Slow(tmp_path)
     with serving(slow) as client:
-        waiting = client.connection()
-        waiting.request("POST", client.path + "runs", b"{}", client.headers())
-        assert slow.begun.wait(PATIENCE)
-        status, answer = client.ask("runs")
-        assert status == 409 and "at work (runs, for" in answer["error"]
-        assert client.request("GET", client.path)[::2] == (200, b"a page")
-        assert not slow.ended.is_set()
-        waiting.close()
-        assert slow.ended.wait(PATIENCE)
+        for version in (1, 2):
+            waiting = begin(client)
+            pids = slow.wait()
+            status, answer = client.ask("runs")
+            assert status == 409 and "at work (runs, for" in answer["error"]
+            assert client.request("GET", client.path)[0] == 200
+            assert all(map(is_alive, pids))
+            waiting.close()
+            until(lambda pids=pids: not any(map(is_alive, pids)))
+            assert client.answer("runs", x=1) == {"version": version}  # what was done before is there
+            assert client.request("GET", client.path)[2] == f"page {version}".encode()
 
 
-def test_a_server_that_ends_stops_its_work_and_waits_for_no_part_of_it() -> None:
-    slow = Slow()
-    slow.part.clear()
+def test_a_server_that_ends_stops_its_work(tmp_path: Path) -> None:
+    slow = Slow(tmp_path)
     with serving(slow) as client:
-        waiting = client.connection()
-        waiting.request("POST", client.path + "runs", b"{}", client.headers())
-        assert slow.begun.wait(PATIENCE)
+        client.answer("runs", x=1)
+        waiting = begin(client)
+        pids = slow.wait()
         client.server.stop()
         assert waiting.getresponse().status == 503
         waiting.close()
-    assert not slow.ended.is_set()
-    slow.part.set()
-    assert slow.ended.wait(PATIENCE)
+    until(lambda: not any(map(is_alive, pids)))
+
+
+def test_work_that_the_system_ends_is_told_and_changes_nothing(tmp_path: Path) -> None:
+    slow = Slow(tmp_path)
+    with serving(slow) as client:
+        waiting = begin(client)
+        os.kill(slow.wait()[0], signal.SIGKILL)
+        response = waiting.getresponse()
+        assert response.status == 500 and b"the system ended the work, perhaps for lack of memory" in response.read()
+        waiting.close()
+        assert client.answer("runs", x=1) == {"version": 1}
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_outlives_the_server(tmp_path: Path, end: signal.Signals) -> None:
+    program = (
+        "import pathlib\n"
+        "from segar.playground.server import StudioServer\n"
+        "from tests.segar.playground.test_studio import Slow\n"
+        f"server = StudioServer(Slow(pathlib.Path({str(tmp_path)!r})))\n"
+        "print(server.address, flush=True)\n"
+        "try:\n    server.run()\nexcept KeyboardInterrupt:\n    pass\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    parts = urlsplit(process.stdout.readline().strip())
+    waiting = http.client.HTTPConnection("127.0.0.1", parts.port, timeout=PATIENCE)
+    waiting.request(
+        "POST", parts.path + "runs", b"{}", {"Origin": f"http://{parts.netloc}", "Content-Type": "application/json"}
+    )
+    pids = Slow(tmp_path).wait()
+    process.send_signal(end)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert errors == ""
+    until(lambda: not any(map(is_alive, pids)))
+    waiting.close()
 
 
 def player(inputs: int) -> Network:
@@ -342,18 +388,17 @@ def test_policies_of_runs_are_listed_and_play_and_none_from_elsewhere(tmp_path: 
     (runs / "c" / "network.npz").symlink_to(outside / "network.npz")
     (runs / "b" / "config.yaml").symlink_to(outside / "config.yaml")
     studio = Studio(TRAIN, observations=["state"], runs=runs)
-    never = threading.Event()
-    assert studio.answer("runs", {}, never) == {"runs": ["a/evaluations/last", "other"], "run": None}
+    assert studio.answer("runs", {}) == {"runs": ["a/evaluations/last", "other"], "run": None}
     before = studio.html
-    assert studio.answer("policy", {"version": 0, "run": "a/evaluations/last"}, never) == {"version": 1}
+    assert studio.answer("policy", {"version": 0, "run": "a/evaluations/last"}) == {"version": 1}
     assert studio.html != before
     for wrong in ("../outside", "b", "c", "linked", str(outside), ""):
         with pytest.raises(segar.SegarError, match="there is no run"):
-            studio.answer("policy", {"version": 1, "run": wrong}, never)
+            studio.answer("policy", {"version": 1, "run": wrong})
     with pytest.raises(segar.SegarError, match="reads"):
-        studio.answer("policy", {"version": 1, "run": "other"}, never)
+        studio.answer("policy", {"version": 1, "run": "other"})
     assert studio.run == "a/evaluations/last"
-    assert studio.answer("policy", {"version": 1, "run": None}, never) == {"version": 2}
+    assert studio.answer("policy", {"version": 1, "run": None}) == {"version": 2}
 
 
 def test_a_page_in_a_file_asks_nobody_and_holds_nothing_of_a_studio() -> None:
@@ -378,7 +423,7 @@ def test_a_studio_that_cannot_be_is_told(arguments: list[str], why: str, capsys:
 
 def test_a_port_that_is_taken_is_told(client: Client) -> None:
     with pytest.raises(segar.SegarError, match=f"--port: {client.server.port} cannot be used"):
-        StudioServer(client.server._studio, client.server.port)
+        StudioServer(Studio(TRAIN, observations=["state"]), client.server.port)
 
 
 def test_the_command_prints_its_address_and_ends_with_ctrl_c() -> None:
@@ -428,7 +473,6 @@ def test_a_person_edits_a_prior_draws_measures_and_plans(chromium: Chromium, tmp
             page.click("text=Draw levels")
         chromium.until("window.playground?.levels.count === 7")
         mass = page.evaluate("window.playground.levels.factor(4, 0, 'Mass')")
-        assert mass == [client.server._studio.sides[0].levels.values[4, 0, TRAIN.layout.columns[segar.Mass]]]
         assert 2 <= mass[0] <= 3
         assert page.input_value("#studio-text") == TEXT
         page.click("text=Measure distances")
@@ -482,15 +526,16 @@ def test_a_person_chooses_a_run_whose_policy_then_plays(chromium: Chromium, tmp_
         chromium.until("document.querySelector('option[value=good]')?.selected === true")
 
 
-def test_work_is_stopped_by_its_button(chromium: Chromium) -> None:
-    studio, slow = Studio(TRAIN, observations=["state"]), Slow()
+def test_work_is_stopped_by_its_button(chromium: Chromium, tmp_path: Path) -> None:
+    studio, slow = Studio(TRAIN, observations=["state"]), Slow(tmp_path)
     studio.answer = slow.answer  # type: ignore[method-assign]
     with serving(studio) as client:
         chromium.visit(client.server.address)
         page = chromium.page
         chromium.until("!!window.playground")
         page.click("text=Plan this level")
-        assert slow.begun.wait(PATIENCE)
+        pids = slow.wait()
         page.click("text=Stop")
         page.wait_for_selector("text=Stopped.")
         assert page.is_enabled("text=Plan this level")
+        until(lambda: not any(map(is_alive, pids)))
