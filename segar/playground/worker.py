@@ -80,7 +80,7 @@ def _serve(there: Connection, answer: Answer) -> NoReturn:
         if child:
             _watch(child, there, asked[0])
         else:
-            _answer(there, *asked, answer)
+            _answer(there, asked[0], asked[1], answer)
             while os.getppid() == parent:  # until the answer was wanted
                 time.sleep(LOOK)
     os._exit(0)

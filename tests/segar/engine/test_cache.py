@@ -305,7 +305,7 @@ def test_the_folder_of_another_user_is_refused(folder, monkeypatch, part):
     load_module(KERNEL)
     if os.geteuid():
         me = os.geteuid()
-        monkeypatch.setattr(cache.os, "geteuid", lambda: me + 1)
+        monkeypatch.setattr(os, "geteuid", lambda: me + 1)
     else:
         os.chown(folder / part, 65534, -1)
     monkeypatch.setattr(cache, "_loaded", {})
