@@ -93,7 +93,7 @@ def _make_private(folder: Path, is_named: bool) -> None:
         folder.chmod(stat.S_IMODE(folder.stat().st_mode) & ~OTHERS_WRITE)
         shutil.rmtree(compiled)
         compiled.mkdir(mode=OWN)
-    if not os.access(folder, os.W_OK) or not os.access(compiled, os.W_OK):
+    if not all(os.access(path, os.W_OK, effective_ids=True) for path in (folder, compiled)):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 

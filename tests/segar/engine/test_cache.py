@@ -356,8 +356,6 @@ def as_nobody(tmp_path):
         (tmp_path / name).mkdir(exist_ok=True)
         (tmp_path / name).chmod(its_mode)
     os.chown(tmp_path / "mine", NOBODY, -1)
-    for parent in tmp_path.parents[:2]:
-        parent.chmod(0o755)
     return run
 
 
