@@ -49,6 +49,7 @@ from experiments.commands.command_line import run_from_command_line
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.runs.run_rows import code_warning, run_rows, seen_warning
 from segar.errors import SegarError
+from segar.support import counted
 
 NORMAL = 1.96  # standard errors of a 95 % interval
 MOST_GROUPS = len(style.PALETTE)  # colours that readers can tell apart
@@ -229,7 +230,7 @@ def _draw(axes: Axes, points: pd.DataFrame) -> None:
 def _counts(runs: pd.DataFrame, points: pd.DataFrame, left_out: int, cells: bool) -> str:
     """What the points and their bars are, of how many runs and level sets."""
     level_sets = len(set(training_sets(runs)))
-    of_runs = f"{len(runs)} run{'s' * (len(runs) != 1)} on {level_sets} level set{'s' * (level_sets != 1)}"
+    of_runs = f"{counted(len(runs), 'run')} on {counted(level_sets, 'level set')}"
     kind = f"{len(points)} means of {of_runs}" if cells else of_runs
     if np.isfinite(column(points, "low")).any():
         kind += f"; bars: 95 % intervals over {'level sets' if cells else 'the episodes of a run'}"

@@ -78,6 +78,7 @@ from experiments.settings import (
 )
 from segar.cli import table
 from segar.suites import outline, suite
+from segar.support import counted
 
 REPORT = "benchmark"
 PLANNER_SECONDS, PLAYER_SECONDS = 8.0, 3.0  # assumed, per piece
@@ -311,7 +312,7 @@ def show(row: Row) -> None:
     """Prints where a row is, and how large."""
     size = sum(path.stat().st_size for path in row.folder.iterdir())
     print(
-        f"row {row.method.name}: {len(row.pieces)} pieces, {size / 1e6:.1f} MB, hash {row.hash}; {row.folder}",
+        f"row {row.method.name}: {counted(len(row.pieces), 'piece')}, {size / 1e6:.1f} MB, hash {row.hash}; {row.folder}",
         flush=True,
     )
 

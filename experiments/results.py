@@ -33,6 +33,7 @@ from experiments.runs.run_rows import (
 )
 from experiments.settings import ConfigError
 from segar.cli import table
+from segar.support import counted
 
 FORMATS = (".csv", ".parquet", ".md")  # of files that are written
 SHOWN = ("levels.train", "algorithm.name")  # settings that are printed even where all runs agree
@@ -87,7 +88,7 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
         say(f"\n{summary}")
     if path is not None:
         write_table(path, rows, summary)
-        say(f"\n{len(rows)} runs with all figures: {path}")
+        say(f"\n{counted(len(rows), 'run')} with all figures: {path}")
     if means is not None and averaged:
         say(f"Their means with intervals: {means}")
 

@@ -13,6 +13,7 @@ from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import METRICS, lock, read_config, read_metrics, root_folder, run_folders
 from experiments.settings import RunFolderError, TrackingError
 from experiments.tracking.mlflow_sync import RunSync, files_of
+from segar.support import counted
 
 STATUS = {"finished": "FINISHED", "failed": "FAILED"}  # of a run whose journal ends so; all others were cut off
 
@@ -77,7 +78,7 @@ def upload_run(folder: Path, uri: str | None = None) -> str:
             return "MLflow has all of it"
         before = sync.state.sent
         sync.send(rows, files_of(folder), status)
-    return f"sent {len(rows) - before} figures to {sync.state.store}"
+    return f"sent {counted(len(rows) - before, 'figure')} to {sync.state.store}"
 
 
 if __name__ == "__main__":

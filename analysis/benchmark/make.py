@@ -25,6 +25,7 @@ from experiments.runs.files import write_text
 from experiments.runs.run_folder import root_folder
 from experiments.settings import TrackingConfig, construct
 from segar.suites import CORE
+from segar.support import counted
 
 DIGITS = 6  # of numbers in CSV files
 SCORES, BOARD, IMPROVEMENT, PROFILES = "scores.csv", "leaderboard.csv", "improvement.csv", "profiles.csv"
@@ -71,7 +72,7 @@ def report_rows(
         save_figure(profile_figure(board, shown, list(suites)), folder / PROFILE, (".png",))
         save_figure(performance_figure(shares, shown), folder / PERFORMANCE, (".png",))
     write_text(folder / PAGE, page_text(rows, table, board, improved, causes, suites))
-    print(f"{len(here)} rows here, {len(rows) - len(here)} others: {folder / PAGE}", flush=True)
+    print(f"{counted(len(here), 'row')} here, {counted(len(rows) - len(here), 'other')}: {folder / PAGE}", flush=True)
     settings = construct(TrackingConfig, tracking or {"name": "none"}, "tracking")
     if row in rows and settings.name != "none":
         files = [path for name in (SCORES, BOARD, CAUSES, PAGE, f"{PROFILE}.png") if (path := folder / name).exists()]

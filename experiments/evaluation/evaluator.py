@@ -63,6 +63,7 @@ from segar.levels import Levels, hash_of_levels
 from segar.policies import NETWORK_FILE, Network
 from segar.rendering import View, check_video, write_video
 from segar.suites import twins
+from segar.support import counted
 
 COUNT = 100  # levels of a distribution, where the number is not given
 VIEW = View(size=384)  # of videos
@@ -447,9 +448,9 @@ def described(config: EvaluateConfig, levels: Levels) -> str:
     """Which levels they are, and whether torch computes the actions, for people."""
     how = " (portable)" if config.portable else ""
     if config.levels in OWN:
-        return f"its own {len(levels)} {config.levels} levels{how}"
+        return f"its own {counted(len(levels), f'{config.levels} level')}{how}"
     more = "" if is_level_file(config.levels) else f" (split {config.split}, seed {config.seed})"
-    return f"{len(levels)} levels of {config.levels}{more}{how}"
+    return f"{counted(len(levels), 'level')} of {config.levels}{more}{how}"
 
 
 def as_table(title: str, players: Mapping[str, Mapping[str, float]], baselines: Baselines | None) -> str:

@@ -29,6 +29,7 @@ from experiments.runs.run_folder import RESULTS
 from experiments.settings import ConfigError, LevelsConfig, RunConfig, grid_point, import_object
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.levels import check_fits, places
+from segar.support import counted
 
 NUMBERS = ("n", "levels", "seed", AGENT_SEED)  # columns of numbers, which tell no panels apart
 PICTURES = ("rgb", "textures")  # how the names of observations begin that fit all levels
@@ -176,8 +177,8 @@ def untestable_claims(experiment: Experiment, works: Sequence[RunTask]) -> Itera
             what = "level sets of a panel; grid.seeds gives more"
         if len(blocks) < FEWEST_BLOCKS:
             yield (
-                f"warning: claims.{name} cannot be tested by this design: it has {len(blocks)} "
-                f"block{'s' * (len(blocks) != 1)}, and an interval takes {FEWEST_BLOCKS}. Its blocks are {what}"
+                f"warning: claims.{name} cannot be tested by this design: it has "
+                f"{counted(len(blocks), 'block')}, and an interval takes {FEWEST_BLOCKS}. Its blocks are {what}"
             )
 
 

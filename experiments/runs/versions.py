@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import segar
-from segar.support import installed_version
+from segar.support import counted, installed_version
 
 LIBRARIES = (
     "segar", "torch", "torchrl", "tensordict", "numpy", "numba", "scipy", "gymnasium", "POT", "hydra-core", "mlflow-skinny",
@@ -36,7 +36,7 @@ def computed_with(versions: Mapping[str, Any]) -> str:
 def in_words(arithmetic: Mapping[str, Any]) -> str:
     """One :func:`experiments.networks.devices.arithmetic`, e.g. ``AVX2, fp32, 1 thread, portable, AMD EPYC``."""
     threads = arithmetic["threads"]
-    words = [arithmetic["instruction_set"], arithmetic["precision"], f"{threads} thread{'s' * (threads != 1)}"]
+    words = [arithmetic["instruction_set"], arithmetic["precision"], counted(threads, "thread")]
     words += [arithmetic["device"]] * (arithmetic["device"] != "cpu")
     if arithmetic["determinism"] != "machine":
         words.append(arithmetic["determinism"])

@@ -1,7 +1,8 @@
-"""What was in the source of each module when this process imported it, which is what it executes, whatever lies there now.
+"""What was in the source of a module when this process imported it, which is what it executes, whatever lies there now.
 
-Sources of installed packages do not count. Importing this module begins the record: of what was imported before, it holds what
-is in the files then.
+Python's finder of modules is told to keep the source with what it finds. Of what was imported before, or by other finders, such
+as those of editable installations, the source is what is in the file when this module is imported or when it is asked first.
+Installed packages do not count.
 """
 
 import os
@@ -13,34 +14,41 @@ from types import ModuleType
 from typing import Any
 
 INSTALLED = tuple({sysconfig.get_path(kind) for kind in ("stdlib", "platstdlib", "purelib", "platlib")})
-
-_recorded: dict[str, tuple[Path, bytes]] = {}  # name of a module to its file, and to what was in it
+SOURCE = "_source_at_import"  # the attribute of a module's spec
 
 
 def imported_from(path: Path) -> tuple[ModuleType, bytes] | None:
     """The module that this process imported from a file, and what was in the file then; None where it imported none."""
-    named = (name for name, (file, _) in _recorded.items() if file == path and name in sys.modules)
-    return next(((sys.modules[name], _recorded[name][1]) for name in named), None)
+    for module in list(sys.modules.values()):
+        file = getattr(module, "__file__", None)
+        if isinstance(file, str) and file.endswith(path.name) and os.path.realpath(file) == str(path):
+            return module, _kept(module.__spec__ or module, file)
+    return None
 
 
-def _record(name: str, origin: str | None) -> None:
-    if origin and origin.endswith(".py") and not origin.startswith(INSTALLED) and os.path.isfile(origin):
-        path = Path(os.path.realpath(origin))
-        _recorded[name] = path, path.read_bytes()
+def _kept(holder: Any, file: str) -> bytes:
+    if SOURCE not in vars(holder):
+        setattr(holder, SOURCE, Path(file).read_bytes())
+    return vars(holder)[SOURCE]
 
 
-class _RecordingFinder(PathFinder):
-    """Python's own finder of modules, which notes the sources of what is imported."""
+def _is_own(file: Any) -> bool:
+    return isinstance(file, str) and file.endswith(".py") and not file.startswith(INSTALLED) and os.path.isfile(file)
+
+
+class _KeepingFinder(PathFinder):
+    """Python's own finder, which keeps the sources of what is not installed."""
 
     @classmethod
     def find_spec(cls, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         spec = super().find_spec(fullname, path, target)
-        if spec is not None and (fullname not in sys.modules or target is not None):  # it is imported, or again
-            _record(fullname, spec.origin)
+        if spec is not None and _is_own(spec.origin):
+            _kept(spec, str(spec.origin))
         return spec
 
 
 if PathFinder in sys.meta_path:
-    sys.meta_path[sys.meta_path.index(PathFinder)] = _RecordingFinder
-    for _name, _module in list(sys.modules.items()):
-        _record(_name, getattr(_module, "__file__", None))
+    sys.meta_path[sys.meta_path.index(PathFinder)] = _KeepingFinder
+    for _module in list(sys.modules.values()):
+        if _is_own(getattr(_module, "__file__", None)):
+            _kept(_module.__spec__ or _module, str(_module.__file__))

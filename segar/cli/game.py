@@ -13,6 +13,7 @@ from segar.levels import Levels
 from segar.rendering import Figure, Stage, View, episode_verdict, marks, status_line, steps_per_second
 from segar.rendering.painter import Painter
 from segar.rendering.window import Window
+from segar.support import counted
 
 REACH = 0.6  # [m] from the ball to where a hit is as hard as can be
 HELP = "hit: drag from the ball, or click      R again      N next level      space pause      Esc quit"
@@ -33,7 +34,7 @@ class Score:
 
     def __str__(self) -> str:
         best = max((result for _, _, result in self.episodes), default=None)
-        counts = f"{len(self.episodes)} episodes, {self.successes} successes"
+        counts = f"{counted(len(self.episodes), 'episode')}, {self.successes} successes"
         return counts if best is None else f"{counts}, best return {best:.3f}"
 
 

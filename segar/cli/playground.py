@@ -11,7 +11,7 @@ from segar.errors import LevelError
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, make_observation
 from segar.playground import WEIGHTS, make_playground, read_policy
-from segar.support import named_or_made
+from segar.support import counted, named_or_made
 
 NUMBER = 100  # of levels of a distribution, where none is given
 
@@ -71,7 +71,7 @@ def playground(chosen: argparse.Namespace) -> None:
         observations, task = player.observations, player.task
     if chosen.plans:
         count = len(levels) + (0 if test is None else len(test))
-        print(f"segar: finding plans of {count} levels, in about 0.1 s each", file=sys.stderr, flush=True)
+        print(f"segar: finding plans of {counted(count, 'level')}, in about 0.1 s each", file=sys.stderr, flush=True)
     page = make_playground(
         levels,
         test,
@@ -88,7 +88,7 @@ def playground(chosen: argparse.Namespace) -> None:
     answer: dict[str, Any] = {"file": chosen.output, "bytes": size, "levels": len(levels), "seconds": seconds}
     answer |= {"test_levels": len(test)} if test is not None else {}
     answer |= {} if player is None else {"policy": str(player.place), "weights": chosen.weights}
-    sets = f"{len(levels)} levels" + ("" if test is None else f" and {len(test)} test levels")
+    sets = counted(len(levels), "level") + ("" if test is None else f" and {counted(len(test), 'test level')}")
     plays = "" if player is None else f", the policy in {player.place} ({chosen.weights})"
     text = f"{chosen.output}: {sets}{plays}; {size / 1000:.0f} kB in {seconds:.1f} s. Open it in a browser"
     arguments.print_answer(chosen, answer, text)

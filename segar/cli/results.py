@@ -16,7 +16,7 @@ from urllib.request import url2pathname
 
 from segar.cli import arguments
 from segar.errors import SegarError, did_you_mean
-from segar.support import need, replacing
+from segar.support import counted, need, replacing
 
 ADDRESS = "SEGAR_RESULTS_URL"
 RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results"  # of a checkout
@@ -85,7 +85,9 @@ def fetch(chosen: argparse.Namespace) -> None:
     missing = [one for one in chosen_files(chosen.folder, chosen.paths) if not one.is_in(chosen.folder)]
     for one in missing:
         get(one, chosen.folder, os.environ.get(ADDRESS, ""))
-    arguments.print_answer(chosen, {"fetched": [one.path for one in missing]}, f"{len(missing)} files were fetched")
+    arguments.print_answer(
+        chosen, {"fetched": [one.path for one in missing]}, f"fetched: {counted(len(missing), 'file')}"
+    )
 
 
 def record(chosen: argparse.Namespace) -> None:

@@ -14,7 +14,7 @@ from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
 from segar.levels import Levels
 from segar.metrics import w2
 from segar.observations import trained_on
-from segar.support import aligned, is_whole
+from segar.support import aligned, counted, is_whole
 
 CONFIDENCE = 0.95
 TRIAL_QUANTITIES = ("return", "success")  # quantities that are told trial by trial
@@ -50,7 +50,7 @@ class LevelSetResult:
     baselines: Baselines | None = None
 
     def __repr__(self) -> str:
-        shown = [f"{self.levels} levels", f"{len(self.episodes)} episodes", f"return {self.mean()}"]
+        shown = [counted(self.levels, "level"), counted(len(self.episodes), "episode"), f"return {self.mean()}"]
         shown += [f"success {self.mean('success').value:.3f}"]
         return f"<{', '.join(shown)}{'' if self.baselines is None else f', score {self.score():.3f}'}>"
 

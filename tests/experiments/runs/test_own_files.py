@@ -1,6 +1,6 @@
 """Which files of the user's own a run is made by: each case is a module, a file that is edited, and whether that counts."""
 
-import importlib
+import importlib.util
 import os
 import sys
 
@@ -188,6 +188,31 @@ def test_an_edit_of_a_module_that_was_imported_by_another_name_is_refused(lab, m
     with pytest.raises(ConfigError, match=r"lab/levels\.py has changed"):
         own_files("lab.levels")
     del sys.modules["levels"]
+
+
+class Editable:
+    """Finds ``lab`` as the finders of some editable installations do, outside of Python's path."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def find_spec(self, name, path=None, target=None):
+        file = self.folder / "lab" / "__init__.py"
+        if name == "lab":
+            return importlib.util.spec_from_file_location(name, file, submodule_search_locations=[str(file.parent)])
+        return None
+
+
+@pytest.mark.parametrize("file", ["lab/__init__.py", "lab/levels.py", "lab/width.json"])
+def test_an_edit_of_a_package_that_another_finder_imported_is_refused(lab, file, monkeypatch):
+    written(lab, "WIDTH = (HERE / 'width.json').read_text()")
+    monkeypatch.setattr("sys.path", [one for one in sys.path if one != str(lab)])
+    monkeypatch.setattr("sys.meta_path", [*sys.meta_path, Editable(lab)])
+    importlib.import_module("lab.levels")
+    own_files("lab.levels")
+    edit(lab / file)
+    with pytest.raises(ConfigError, match=f"{file} has changed since this process imported lab.levels"):
+        own_files("lab.levels")
 
 
 def test_data_that_are_gone_after_the_import_are_refused(lab):

@@ -118,7 +118,7 @@ def test_time_runs_out():
     drag(game, game.ball().place, game.ball().place + np.array([0.0, 0.05]))
     while game.advance():
         pass
-    assert game.ending == "TIME IS UP" and str(game.score).startswith("1 episodes, 0 successes, best return -")
+    assert game.ending == "TIME IS UP" and str(game.score).startswith("1 episode, 0 successes, best return -")
 
 
 def test_what_somebody_does_can_be_seen(game):
