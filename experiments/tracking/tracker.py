@@ -22,15 +22,15 @@ LAST_WAIT = 30.0  # [s] that the end of a run waits for the store
 class Tracker:
     """Sends the figures of a run to where they are shown: this one to nowhere, as ``tracking=none`` wants."""
 
-    def begin(self, rows: list[dict[str, Any]]) -> None:
-        """Starts to send what is appended to ``rows``, those of ``metrics.parquet``."""
-
     def finish(self, status: str, files: Sequence[Path] = ()) -> None:
         """Sends what is left, these files, and how the run ended: FINISHED, FAILED or KILLED."""
 
 
-def start_tracking(config: RunConfig, folder: Path) -> Tracker:
+def start_tracking(config: RunConfig, folder: Path, rows: Sequence[dict[str, Any]]) -> Tracker:
     """The tracker that the configuration names; a resumed run is the same run in the store.
+
+    Args:
+        rows: those of ``metrics.parquet``, which may grow but not change otherwise. What is appended is sent, too.
 
     Raises:
         TrackingError: a store on this machine cannot be opened. A server that does not answer may come back, and a
@@ -42,33 +42,26 @@ def start_tracking(config: RunConfig, folder: Path) -> Tracker:
     if not is_remote(sync.state.store):
         with suppress(StoreBusy):
             sync.open()
-    return MLflowTracker(sync, config.tracking.interval)
+    return MLflowTracker(sync, config.tracking.interval, rows)
 
 
 class MLflowTracker(Tracker):
     """Sends to MLflow every ``interval`` seconds, in a thread; see :mod:`experiments.tracking.mlflow_sync`."""
 
-    def __init__(self, sync: RunSync, interval: float) -> None:
-        self.sync, self.interval = sync, max(interval, 0.05)
-        self.rows: Sequence[dict[str, Any]] = []
+    def __init__(self, sync: RunSync, interval: float, rows: Sequence[dict[str, Any]]) -> None:
+        sync.replace_if_ahead(len(rows))
+        self.sync, self.interval, self.rows = sync, max(interval, 0.05), rows
         self.files: Sequence[Path] = ()
         self.status = "RUNNING"
         self.missed = False
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._work, name="tracking", daemon=True)
-
-    def begin(self, rows: list[dict[str, Any]]) -> None:
-        """Starts to send ``rows``, which may grow but not change otherwise."""
-        self.sync.replace_if_ahead(len(rows))
-        self.rows = rows
         self._thread.start()
 
     def finish(self, status: str, files: Sequence[Path] = ()) -> None:
         """Sends the rest, and waits for that at most :data:`LAST_WAIT`. Prints how to send what could not be sent."""
         self.status, self.files = status, files
         self._ending.set()
-        if not self._thread.is_alive():
-            self._thread.start()
         self._thread.join(LAST_WAIT)
         if self.missed or self._thread.is_alive():
             left = len(self.rows) - self.sync.state.sent

@@ -116,8 +116,8 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
         tracker = Tracker()
         try:
             training = prepare(prepared, kind, folder, code, journal, signals, say)
-            tracker = start_tracking(config, folder)
-            summary = _carry_out(training, tracker, say)
+            tracker = start_tracking(config, folder, training.rows)
+            summary = _carry_out(training, say)
         except BaseException as error:
             if is_new and journal.doing == PREPARATION and isinstance(error, SegarError):
                 shutil.rmtree(folder)  # nothing was trained, and the error says what to mend
@@ -131,11 +131,10 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     return RunResult(folder, summary, trained=True)
 
 
-def _carry_out(training: Training, tracker: Tracker, say: Callable[[str], None]) -> dict[str, Any]:
+def _carry_out(training: Training, say: Callable[[str], None]) -> dict[str, Any]:
     folder, learner, journal = training.folder, training.learner, training.journal
     config, (train, test) = training.prepared.config, training.prepared.level_sets
     journal.doing = "training"
-    tracker.begin(training.rows)
     try:
         training.train()
     except TrainingError:

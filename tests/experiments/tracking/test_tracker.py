@@ -35,8 +35,8 @@ from experiments.settings import RunConfig
 from pathlib import Path
 from experiments.tracking.tracker import start_tracking
 
-tracker = start_tracking(RunConfig(root=sys.argv[1], seed=int(sys.argv[2])), Path(sys.argv[1]) / sys.argv[2])
-tracker.begin([{"name": "episode/return", "frames": k, "seconds": 0.5 * k, "value": -k} for k in range(5)])
+rows = [{"name": "episode/return", "frames": k, "seconds": 0.5 * k, "value": -k} for k in range(5)]
+tracker = start_tracking(RunConfig(root=sys.argv[1], seed=int(sys.argv[2])), Path(sys.argv[1]) / sys.argv[2], rows)
 tracker.finish("FINISHED")
 """
 
@@ -100,8 +100,7 @@ def test_artifacts_lie_beside_the_store(store):
 def test_a_run_that_goes_on_is_the_same_run_and_sends_nothing_twice(store):
     sent = rows(7.0, 8.0, 9.0)
     for part, status in ((sent[:2], "KILLED"), (sent, "FINISHED")):
-        tracker = start_tracking(RunConfig(root=str(store), seed=5), store / "5")
-        tracker.begin(part)
+        tracker = start_tracking(RunConfig(root=str(store), seed=5), store / "5", part)
         tracker.finish(status)
     client, one = run_in(store, store / "5")
     assert one.info.status == "FINISHED"
@@ -155,13 +154,13 @@ def test_a_run_of_another_store_is_not_deleted_when_it_is_trained_again(tmp_path
 
 def test_a_mark_that_was_not_written_leads_to_no_second_run_and_no_second_point(store):
     config = RunConfig(root=str(store), seed=6)
-    tracker = start_tracking(config, store / "6")
-    before = (store / "6" / SYNC_STATE).read_text()
-    tracker.begin(rows(7.0))
+    tracker = start_tracking(config, store / "6", rows(7.0))
     tracker.finish("FAILED")
-    (store / "6" / SYNC_STATE).write_text(json.dumps({**json.loads(before), "run_id": None}))  # killed in between
-    tracker = start_tracking(config, store / "6")
-    tracker.begin(rows(7.0))
+    before = (store / "6" / SYNC_STATE).read_text()
+    (store / "6" / SYNC_STATE).write_text(
+        json.dumps({**json.loads(before), "run_id": None, "sent": 0})
+    )  # killed in between
+    tracker = start_tracking(config, store / "6", rows(7.0))
     tracker.finish("FINISHED")
     client, one = run_in(store, store / "6")
     assert [point.value for point in client.get_metric_history(one.info.run_id, "episode/length")] == [7.0]
@@ -189,15 +188,16 @@ def test_a_run_that_lost_figures_which_it_had_sent_has_each_once(tmp_path, monke
 
 def test_a_file_is_stored_with_the_run(store, tmp_path):
     (tmp_path / "summary.json").write_text("{}")
-    tracker = start_tracking(RunConfig(root=str(store), seed=0), store / "0")
+    tracker = start_tracking(RunConfig(root=str(store), seed=8), store / "8", [])
     tracker.finish("FAILED", [tmp_path / "summary.json"])
-    client, one = run_in(store, store / "0")
+    client, one = run_in(store, store / "8")
     assert one.info.status == "FAILED"
     assert [file.path for file in client.list_artifacts(one.info.run_id)] == ["summary.json"]
 
 
 def test_figures_are_sent_in_batches(store, monkeypatch):
-    tracker = start_tracking(RunConfig(root=str(store), seed=7, tracking=TrackingConfig(interval=1000.0)), store / "7")
+    config, sent = RunConfig(root=str(store), seed=7, tracking=TrackingConfig(interval=1000.0)), []
+    tracker = start_tracking(config, store / "7", sent)
     sizes = []
     log_batch = tracker.sync.client.log_batch
 
@@ -206,7 +206,7 @@ def test_figures_are_sent_in_batches(store, monkeypatch):
         log_batch(run_id, metrics=metrics, **more)
 
     monkeypatch.setattr(tracker.sync.client, "log_batch", count)
-    tracker.begin(rows(*range(1500)))
+    sent += rows(*range(1500))
     assert sizes == []
     tracker.finish("FINISHED")
     assert sizes == [1000, 500]
@@ -221,7 +221,7 @@ def test_telemetry_is_off_and_nothing_is_asked_of_the_network(store, monkeypatch
 
     monkeypatch.setattr(socket.socket, "connect", refuse)
     monkeypatch.setattr(socket, "getaddrinfo", refuse)
-    tracker = start_tracking(RunConfig(root=str(store), seed=0), store / "0")
+    tracker = start_tracking(RunConfig(root=str(store), seed=8), store / "8", [])
     tracker.finish("FINISHED")
     assert not tracker.missed
 
@@ -231,7 +231,7 @@ def test_a_store_that_cannot_be_opened_is_told_with_the_way_out(tmp_path, uri):
     config = RunConfig(root=str(tmp_path), tracking=TrackingConfig(uri=uri))
     assert not is_remote(uri)
     with pytest.raises(TrackingError, match=r"MLflow refuses: .*tracking=none runs without MLflow"):
-        start_tracking(config, tmp_path / "run")
+        start_tracking(config, tmp_path / "run", [])
 
 
 def test_a_disk_too_full_for_the_store_leaves_none_that_could_not_be_opened_later(tmp_path):
@@ -247,7 +247,7 @@ def test_a_disk_too_full_for_the_store_leaves_none_that_could_not_be_opened_late
 
 
 def test_without_tracking_there_is_no_store(tmp_path):
-    tracker = start_tracking(RunConfig(root=str(tmp_path), tracking=TrackingConfig(name="none")), tmp_path)
+    tracker = start_tracking(RunConfig(root=str(tmp_path), tracking=TrackingConfig(name="none")), tmp_path, [])
     assert type(tracker) is Tracker
     tracker.finish("FINISHED")
     assert list(tmp_path.iterdir()) == []
