@@ -55,7 +55,7 @@ def profile_of_causes(causes: pd.DataFrame, mode: str = "deterministic") -> pd.D
     if chosen.empty:
         raise SegarError(f"no evaluation has the action mode '{mode}'")
     rows = []
-    for key, part in chosen.groupby(["suite", "group"], sort=False):
+    for key, part in chosen.groupby(["suite", "group"], sort=False, dropna=False):
         suite, group = cast(tuple[str, str], key)
         row: dict[str, object] = {"suite": suite, "group": group, "differs": bool(part["differs"].iloc[0])}
         for name in FIGURES:

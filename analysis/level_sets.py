@@ -35,21 +35,21 @@ def levels_trained_on(runs: pd.DataFrame, of_files: bool = False) -> list[frozen
     ]
 
 
-def united(names: Iterable[str], levels: Sequence[frozenset[bytes]]) -> dict[str, frozenset[bytes]]:
+def united(names: Iterable[int], levels: Sequence[frozenset[bytes]]) -> dict[int, frozenset[bytes]]:
     """All levels of each level set: those of the runs with its name."""
-    found: dict[str, frozenset[bytes]] = {}
+    found: dict[int, frozenset[bytes]] = {}
     for name, one in zip(names, levels, strict=True):
         found[name] = found.get(name, frozenset()) | one
     return found
 
 
-def first_of_equal(sets: Mapping[str, frozenset[bytes]], among: Mapping[str, str]) -> dict[str, str]:
+def first_of_equal(sets: Mapping[int, frozenset[bytes]], among: Mapping[int, int]) -> dict[int, int]:
     """For each level set the first one with the same levels, of those that ``among`` gives one value."""
-    first: dict[tuple[str, frozenset[bytes]], str] = {}
+    first: dict[tuple[int, frozenset[bytes]], int] = {}
     return {name: first.setdefault((among[name], levels), name) if levels else name for name, levels in sets.items()}
 
 
-def largest_share(sets: Mapping[str, frozenset[bytes]], among: Mapping[str, str]) -> float:
+def largest_share(sets: Mapping[int, frozenset[bytes]], among: Mapping[int, int]) -> float:
     """The largest share of a level set that lies in another one with other levels; of those that ``among`` gives one value."""
     there = [(among[name], levels) for name, levels in sets.items() if levels]
     return max((share_of(a, b) for (x, a), (y, b) in permutations(there, 2) if x == y and a != b), default=0.0)

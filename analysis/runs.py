@@ -16,7 +16,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.level_sets import first_of_equal, largest_share, levels_trained_on, united
-from analysis.stats.association import labels
+from analysis.stats.association import keys
+from analysis.stats.estimate import ALIKE
 from analysis.stats.resampling import mean_of_units
 from analysis.tables import column, select, write_table
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
@@ -168,8 +169,8 @@ def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterat
     )
     for n in few:
         yield f"{n} level sets: no interval. It takes {FEWEST_BLOCKS}; sweep levels.seed."
-    if np.any(column(there, "low") == column(there, "high")):
-        yield "An interval without width is that of units with equal results; it does not say that others would have them, too."
+    if ALIKE in set(there["note"]):
+        yield "Units with equal results have no interval: others need not have these results, too."
     if any(unit == AGENTS and n > 1 for unit, n in zip(there["unit"], there["n"], strict=True)):
         seeds = ",".join(map(str, sorted({int(seed) for seed in done["seed"]})))
         cross = "" if SAME_LEVELS in about_sets else f" Cross the seeds: --multirun seed={seeds} levels.seed={seeds}"
@@ -243,13 +244,13 @@ def shared_levels(runs: pd.DataFrame) -> float:
     return largest_share(united(names, levels_trained_on(runs, of_files=True)), among)
 
 
-def _named_sets(runs: pd.DataFrame) -> tuple[NDArray[Any], dict[str, str]]:
-    """The names of the level sets by their settings, text ``[runs]``, and of each its distribution, variation and design."""
+def _named_sets(runs: pd.DataFrame) -> tuple[NDArray[Any], dict[int, int]]:
+    """The numbers of the level sets by their settings, ``[runs]``, and of each that of its distribution, variation, design."""
     names = [name for name in TRAINED_ON if name in runs]
     seeds = [runs[name] for name in ("levels.seed", "seed") if name in runs]
     if not names and not seeds:
         raise SegarError("no column says on which level set a run was trained, such as levels.train and levels.seed")
-    taken_from = names_of(runs, names) if names else np.array([""] * len(runs))
+    taken_from = names_of(runs, names)
     if seeds:  # analysis.collect leaves levels.seed empty where it is the seed of the run
         first, *rest = seeds
         names, runs = [*names, "of seed"], runs.assign(**{"of seed": first.fillna(rest[0]) if rest else first})
@@ -258,8 +259,8 @@ def _named_sets(runs: pd.DataFrame) -> tuple[NDArray[Any], dict[str, str]]:
 
 
 def names_of(table: pd.DataFrame, columns: Sequence[str]) -> NDArray[Any]:
-    """:func:`analysis.stats.association.labels` of columns that may have no value in some rows, text ``[rows]``."""
-    return labels(table.assign(**{name: [str(value) for value in table[name]] for name in columns}), columns)
+    """:func:`analysis.stats.association.keys` of settings, which may have no value in some rows."""
+    return keys(table.assign(**{name: [str(value) for value in table[name]] for name in columns}), columns)
 
 
 def number_of_pairs(runs: pd.DataFrame) -> int:

@@ -12,6 +12,7 @@ from analysis.probes.nearest import ksg_estimate
 from analysis.probes.pairs import Pairs, episode_folds, standardised_representation
 from analysis.probes.readouts import predict_linear, predict_mlp
 from analysis.stats.estimate import Estimate, student_p
+from analysis.stats.resampling import FEWEST_UNITS, no_interval
 from analysis.tables import Floats, Ints
 from segar.errors import SegarError, did_you_mean
 
@@ -150,12 +151,14 @@ def ratio_over_groups(
     n = len(names)
     tops, bottoms = np.bincount(place, top), np.bincount(place, bottom)
     value = float(tops.sum() / bottoms.sum())
+    if n < FEWEST_UNITS:
+        return no_interval(value, n, "groups")
     drawn = rng.integers(n, size=(RESAMPLES, n))
     resampled = tops[drawn].sum(axis=1) / np.maximum(bottoms[drawn].sum(axis=1), 1e-300)
     low, high = (float(v) for v in np.quantile(resampled, (0.025, 0.975)))
     excess = tops - above * bottoms
     p = student_p(float(excess.mean()), float(excess.std(ddof=1)) / np.sqrt(n), n - 1)
-    return Estimate(value, low, high, n, p)
+    return Estimate.between(value, low, high, n, p)
 
 
 def jittered(x: Floats, rng: np.random.Generator) -> Floats:

@@ -64,7 +64,7 @@ def ksg_estimate(
     scatter = [np.mean([ksg(x[r[part_of == k]], z[r[part_of == k]], neighbours) for r in draws]) for k in range(parts)]
     error = float(np.std(scatter, ddof=1) / np.sqrt(parts))
     half = float(stats.t.ppf(0.975, parts - 1)) * error
-    return Estimate(value, value - half, value + half, n, student_p(value, error, parts - 1))
+    return Estimate.between(value, value - half, value + half, n, student_p(value, error, parts - 1))
 
 
 def one_of_each(group: Ints, rng: np.random.Generator) -> Ints:

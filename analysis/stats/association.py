@@ -46,23 +46,23 @@ def associations(
         SegarError: a column is missing, or a logarithm does not exist.
     """
     require(table, x, y, *panel, *given)
-    names = labels(table, panel)
+    names, words = keys(table, panel), labels(table, panel)
     rows: list[dict[str, Any]] = []
     for rule in ("kept", "removed: points", "removed: residuals"):
         keep = kept(table, x, y, names, rule)
         part, part_names = table.loc[keep], names[keep]
         removed = int((~keep).sum())
         a, b = (part[name].to_numpy(np.float64) for name in (x, y))
-        panels = indicators(list(part_names))
+        panels = indicators(part_names)
         tests = [("pooled", "", correlate(a, b)), ("given panel", "", correlate(a, b, panels))]
         if given:
             both = np.column_stack([panels, logarithms(part, given)])
-            cells = indicators(list(labels(part, [*panel, *given])))
+            cells = indicators(keys(part, [*panel, *given]))
             tests.append((f"given panel and log {' and log '.join(given)}", "", correlate(a, b, both)))
             tests.append(("given cell", "", correlate(a, b, cells)))
-        for label in sorted(set(part_names)):
-            mine = part_names == label
-            tests.append(("within", label, correlate(a[mine], b[mine])))
+        for name in np.unique(part_names):
+            mine = part_names == name
+            tests.append(("within", words[names == name][0], correlate(a[mine], b[mine])))
         for test, label, one in tests:
             base = {"outliers": rule, "removed": removed, "test": test, "panel": label}
             rows += [one.pearson.row(**base, method="pearson"), one.spearman.row(**base, method="spearman")]
@@ -80,7 +80,7 @@ def kept(table: pd.DataFrame, x: str, y: str, names: NDArray[Any], rule: str) ->
     if rule == "kept":
         return np.ones(len(table), np.bool_)
     if rule == "removed: residuals":
-        given = np.column_stack([np.ones(len(table)), indicators(list(names))])
+        given = np.column_stack([np.ones(len(table)), indicators(names)])
         a, b = residuals(a, given), residuals(b, given)
     return without_outliers(a, b)
 
@@ -100,8 +100,28 @@ def holm(p: Any) -> Floats:
     return np.where(np.isfinite(p), out, np.nan)
 
 
+def keys(table: pd.DataFrame, names: Sequence[str]) -> NDArray[np.int64]:
+    """Which combination of the columns each row has, int64 [rows]: numbers from 0, in the order of the values as text.
+
+    Raises:
+        SegarError: a column has no value in some rows.
+    """
+    found = np.zeros(len(table), np.int64)
+    for name in names:
+        place, distinct = pd.factorize(table[name])
+        if (place < 0).any():
+            raise SegarError(
+                f"{(place < 0).sum()} of {len(table)} rows have no {name}, which says what belongs together: give them one,"
+                " or leave them out"
+            )
+        rank = np.argsort(np.argsort([str(value) for value in distinct], kind="stable"))
+        found = np.unique(found * len(rank) + rank[place], return_inverse=True)[1]
+    return found
+
+
 def labels(table: pd.DataFrame, names: Sequence[str]) -> NDArray[Any]:
-    """One name per row of the combination of columns, e.g. ``empty-hard``; '' where there are no columns."""
+    """Words for the combination of columns in each row, e.g. ``empty-hard``; '' where there are no columns. Others may have
+    the same ones: :func:`keys` tells them apart."""
     columns = [table[name].astype(str).to_numpy() for name in names]
     return np.array(
         ["-".join(parts) for parts in zip(*columns, strict=True)] if columns else [""] * len(table), dtype=str

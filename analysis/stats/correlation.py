@@ -10,6 +10,8 @@ assume they are come out too small. The report says so beside them.
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import factorial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from analysis.tables import Floats
 
 MIN_POINTS = 3  # two points always lie on a line
 LIMIT = 3.0  # |z| from which on a point is an outlier, as the paper has it
+PERFECT = "points in perfect order have no interval"
 MAX_ORDERS = 7  # points of which all orders are tried
 ALL_ORDERS = 5040  # of seven points; scipy tries each once where there are no more
 
@@ -50,9 +53,6 @@ def correlate(x: Floats, y: Floats, covariates: Floats | None = None) -> Correla
     spearman = _partial(rank_x, rank_y, given, freedom)
     if covariates is None and len(x) <= MAX_ORDERS:
         spearman = dataclasses.replace(spearman, p=_p_of_orders(rank_x, rank_y))
-    if abs(spearman.estimate) > 1 - EXPLAINED:  # about which Fisher's interval has nothing to say
-        note = "points in perfect order have no interval"
-        spearman = dataclasses.replace(spearman, low=np.nan, high=np.nan, note=note)
     return Correlation(_partial(x, y, given, freedom), spearman)
 
 
@@ -64,9 +64,9 @@ def explained(y: Floats, predictors: Floats) -> float:
     return 1 - float((residuals(y, given) ** 2).sum() / ((y - y.mean()) ** 2).sum())
 
 
-def indicators(labels: Sequence[str]) -> Floats:
+def indicators(labels: Sequence[str] | NDArray[Any]) -> Floats:
     """One column of zeros and ones for each label but the first: [n, number of labels - 1]."""
-    names = np.asarray(labels, dtype=str)
+    names = np.asarray(labels)
     return (names[:, None] == np.unique(names)[None, 1:]).astype(np.float64)
 
 
@@ -121,6 +121,9 @@ def _partial(x: Floats, y: Floats, given: Floats, freedom: int) -> Estimate:
         centre = np.arctanh(r)
     half = stats.norm.ppf(0.975) / np.sqrt(freedom - 1) if freedom > 1 else np.inf
     low, high = (-1.0, 1.0) if np.isinf(half) else (float(np.tanh(centre - half)), float(np.tanh(centre + half)))
+    if abs(r) > 1 - EXPLAINED:  # about which Fisher's interval has nothing to say, nor Student's p
+        p = 2 / factorial(freedom + 2)  # of all orders of so many points, this one and its reverse
+        return Estimate(float(r), np.nan, np.nan, len(x), p, note=PERFECT)
     return Estimate(float(r), low, high, len(x), float(2 * stats.t.sf(abs(t), freedom)))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
@@ -10,6 +11,9 @@ import numpy as np
 from scipy import stats
 
 from analysis.tables import Floats
+
+ROUNDING = 1e-12  # width of an interval, as a part of its ends, that is none
+ALIKE = "all units are alike: no interval"
 
 
 @dataclass(frozen=True)
@@ -38,16 +42,25 @@ class Estimate:
         nan = float("nan")
         return cls(nan, nan, nan, n, note=note)
 
+    @classmethod
+    def between(cls, value: float, low: float, high: float, n: int, p: float = float("nan")) -> Estimate:
+        """An estimate with its interval; without interval and p where that has no width: units that are all alike say nothing
+        of others."""
+        if high - low > ROUNDING * max(abs(low), abs(high)):
+            return cls(value, low, high, n, p)
+        return dataclasses.replace(cls.missing(n, ALIKE), estimate=value)
+
     def row(self, **more: Any) -> dict[str, Any]:
         """The estimate as a row of a table, after the columns ``more``."""
         return {**more, **asdict(self)}
 
 
 def student_p(value: float, error: float, freedom: int, sides: int = 1) -> float:
-    """The p of 0 by Student's law, for a value with this standard ``error``: one-sided of its being above 0, or two-sided."""
+    """The p of 0 by Student's law, for a value with this standard ``error``: one-sided of its being above 0, or two-sided;
+    NaN without an error."""
     size = abs(value) if sides == 2 else value
     if error == 0:
-        return float(size <= 0)
+        return float("nan")
     return sides * float(stats.t.sf(size / error, freedom))
 
 
@@ -56,13 +69,16 @@ def mean_of_replicates(values: Sequence[float] | Floats, chance: float | None = 
     of its being another.
 
     Replicates that share their data vary only by what was drawn anew in each: the interval says nothing about other
-    data. Of a single replicate there is a mean, but no interval and no p.
+    data. Of a single replicate, or of equal ones, there is a mean, but no interval and no p.
     """
     x = np.asarray(values, np.float64)
-    n, mean = len(x), float(np.mean(x))
+    n = len(x)
+    if not n:
+        return Estimate.missing(0, "there is no replicate")
+    mean = float(np.mean(x))
     if n < 2:
         return Estimate(mean, np.nan, np.nan, n, note="one replicate has no interval")
     error = float(x.std(ddof=1) / np.sqrt(n))
     half = float(stats.t.ppf(0.975, n - 1)) * error
     p = float("nan") if chance is None else student_p(mean - chance, error, n - 1, sides)
-    return Estimate(mean, mean - half, mean + half, n, p)
+    return Estimate.between(mean, mean - half, mean + half, n, p)

@@ -1,5 +1,6 @@
 """The primary analysis: a linear mixed model of the gap, with effects of panels and seeds that cross."""
 
+import dataclasses
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ import pandas as pd
 import statsmodels.formula.api as smf
 from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
-from analysis.stats.association import labels, require
+from analysis.stats.association import keys, require
 from analysis.stats.estimate import Estimate
 from segar.errors import SegarError
 
@@ -66,7 +67,7 @@ def mixed_model(
         raise SegarError(f"{len(data)} runs are too few for a model with {len(terms)} terms")
     parts, effects = {}, []
     for k, names in enumerate(groupings):
-        data[f"g{k}"] = pd.Categorical(labels(table, names))
+        data[f"g{k}"] = pd.Categorical(keys(table, names))
         effects.append((" x ".join(names), len(set(data[f"g{k}"]))))
         parts[f"g{k}"] = f"0 + C(g{k})"
     formula = "y ~ " + " + ".join(f"x{k}" for k in range(len(terms)))
@@ -82,7 +83,8 @@ def mixed_model(
     for key, name in names.items():
         low, high = (float(end) for end in interval.loc[key])
         slope, p = float(found.fe_params[key]), float(found.pvalues[key])
-        rows.append(Estimate(slope, low, high, len(data), p, note=note).row(term=name))
+        one = Estimate.between(slope, low, high, len(data), p)
+        rows.append(dataclasses.replace(one, note=one.note or note).row(term=name))
     variances = np.append(np.asarray(found.vcomp, np.float64), float(found.scale))
     effects.append(("residual", len(data)))
     random_rows = [

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.stats.association import labels, require
+from analysis.stats.association import keys, require
 from analysis.stats.correlation import explained
 from analysis.tables import Floats
 
@@ -24,7 +24,7 @@ def left_out(
     """
     require(table, y, *groups, *(name for names in predictors.values() for name in names))
     target = table[y].to_numpy(np.float64)
-    place = labels(table, groups)
+    place = keys(table, groups)
     rows = []
     for name, columns in predictors.items():
         x = table[list(columns)].to_numpy(np.float64)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from analysis.stats.association import labels, require
+from analysis.stats.association import keys, require
 from analysis.stats.correlation import residuals
 from analysis.stats.estimate import Estimate, mean_of_replicates, student_p
 from analysis.tables import Floats, column, keep
@@ -36,7 +36,7 @@ def by_blocks(
     correlation: bool = False,
 ) -> Estimate:
     """:func:`cluster_jackknife`; of fewer than ``least`` clusters, which the note gives the name ``called``, no interval."""
-    count = len(set(labels(table, clusters)))
+    count = len(set(keys(table, clusters)))
     if count < least:
         return no_interval(statistic(values), count, called)
     return cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
@@ -79,7 +79,7 @@ def cluster_jackknife(
     with G - 1 degrees of freedom (CV3 of MacKinnon, Nielsen and Webb 2023). Of a mean of clusters of one size it is Student's
     test of their means. Rows of a cluster, such as the runs of one seed in one panel, whose training levels are nested, stay
     together. A bootstrap would say too much of few clusters (docs/decisions/0012-few-blocks.md). ``n`` counts clusters; ``p``
-    is that of 0, two-sided.
+    is that of 0, two-sided. Neither interval nor p where it makes no difference which cluster is left out.
 
     Args:
         statistic: of a table of rows.
@@ -88,11 +88,11 @@ def cluster_jackknife(
         correlation: the interval is made of Fisher's transform of the statistic.
 
     Raises:
-        SegarError: there are fewer than 2 clusters, or a column is missing.
+        SegarError: there are fewer than 2 clusters, or a column or a value of one is missing.
     """
     require(table, *clusters)
-    names, place = np.unique(labels(table, clusters), return_inverse=True)
-    count = len(names)
+    place = keys(table, clusters)
+    count = len(set(place))
     if count < 2:
         raise SegarError(
             f"a jackknife of clusters needs at least 2 of them; there is {count}, by {', '.join(clusters)}"
@@ -107,7 +107,7 @@ def cluster_jackknife(
     half = float(stats.t.ppf(0.975, count - 1)) * error
     middle = float(there(whole))
     p = student_p(middle, error, count - 1, sides=2)
-    return Estimate(whole, float(back(middle - half)), float(back(middle + half)), count, p)
+    return Estimate.between(whole, float(back(middle - half)), float(back(middle + half)), count, p)
 
 
 def permutation_of_blocks(
@@ -133,16 +133,17 @@ def permutation_of_blocks(
         within, block, at: columns that name the panel, the block in it, and the row in the block.
 
     Raises:
-        SegarError: a column is missing, no panel has two blocks, or nothing varies.
+        SegarError: a column or a value of one is missing, two rows have one block and ``at``, no panel has two blocks, or
+            nothing varies.
     """
     require(table, x, y, *within, block, at)
     a, b = column(table, x), column(table, y)
     left, right = residuals(a, given), residuals(b, given)
     if min(np.linalg.norm(left), np.linalg.norm(right)) < 1e-9 * max(np.linalg.norm(a), np.linalg.norm(b), 1e-300):
         raise SegarError(f"{x} or {y} does not vary given the covariates: there is nothing to permute")
-    panels = np.unique(labels(table, within), return_inverse=True)[1]
-    blocks = np.unique(labels(table, (*within, block)), return_inverse=True)[1]
-    places = np.unique(labels(table, (at,)), return_inverse=True)[1]
+    panels, blocks, places = (keys(table, names) for names in (within, (*within, block), (at,)))
+    if len(set(zip(blocks, places, strict=True))) < len(table):
+        raise SegarError(f"two rows of one panel have the same {block} and {at}, and only one of them can be dealt")
     grid = np.zeros((blocks.max() + 1, places.max() + 1))
     grid[blocks, places] = left
     blocks_of = [np.unique(blocks[panels == k]) for k in range(panels.max() + 1)]

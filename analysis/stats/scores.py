@@ -4,7 +4,9 @@ Scores are normalised, one per run and task. Intervals are of the stratified boo
 task, tasks are not. Estimates agree with the package rliable, whose bootstrap draws from numpy's global generator.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -12,8 +14,9 @@ import pandas as pd
 from scipy import stats
 from statsmodels.stats.power import TTestIndPower
 
-from analysis.stats.association import labels, require
+from analysis.stats.association import keys, labels, require
 from analysis.stats.estimate import Estimate
+from analysis.stats.resampling import FEWEST_UNITS
 from analysis.tables import Floats
 from segar.errors import SegarError, did_you_mean
 
@@ -60,12 +63,15 @@ def aggregates(
     resamples: int = RESAMPLES,
 ) -> pd.DataFrame:
     """Aggregates of each value of ``by``: columns ``by``, ``metric``, ``estimate``, ``low``, ``high`` (95 %), ``n``
-    (runs times tasks), ``p`` (nan), ``level``, ``note``; the metrics are "iqm", "mean", "median", "optimality_gap".
+    (runs times tasks), ``p`` (nan), ``level``, ``note``; the metrics are "iqm", "mean", "median", "optimality_gap". Of fewer
+    than three runs, or of runs that are all alike, there is no interval.
 
     Raises:
         SegarError: a column is missing, or a task lacks a run.
     """
-    return interval_rows(matrices(table, score, by, task, run), AGGREGATES, (by, "metric"), rng, resamples)
+    return interval_rows(
+        matrices(table, score, by, task, run), AGGREGATES, (by, "metric"), run, rng, resamples, Estimate.between
+    )
 
 
 def performance_profiles(
@@ -80,25 +86,31 @@ def performance_profiles(
     resamples: int = RESAMPLES,
 ) -> pd.DataFrame:
     """Share of runs, over all tasks, that score above each threshold: columns ``by``, ``threshold``, ``estimate``,
-    ``low``, ``high`` (95 %, of each point by itself), ``n``; raises as :func:`aggregates`."""
+    ``low``, ``high`` (95 %, of each point by itself; without width where all runs, three at least, are on one side), ``n``;
+    raises as :func:`aggregates`."""
     shares = {float(at): lambda runs, at=at: (runs > at).mean(axis=(-2, -1)) for at in thresholds}
-    return interval_rows(matrices(table, score, by, task, run), shares, (by, "threshold"), rng, resamples)
+    return interval_rows(matrices(table, score, by, task, run), shares, (by, "threshold"), run, rng, resamples)
 
 
 def interval_rows(
-    scores: Mapping[str, Scores],
+    scores: Mapping[Any, Scores],
     functions: Mapping[Any, Callable[[Scores], Scores]],
     columns: tuple[str, str],
+    run: str,
     rng: np.random.Generator,
     resamples: int,
+    interval: Callable[[float, float, float, int], Estimate] = Estimate,
 ) -> pd.DataFrame:
-    """Each function of each scores ``[runs, tasks]``, with its 95 % interval; ``columns`` name the scores and the function."""
+    """Each function of each scores ``[runs, tasks]``, with its 95 % interval, where there are three runs; ``columns``
+    name the scores and the function."""
     rows = []
     for name, values in scores.items():
         drawn = resampled(values, rng, resamples)
         for label, function in functions.items():
             low, high = np.quantile(function(drawn), (0.025, 0.975))
-            one = Estimate(float(function(values)), float(low), float(high), values.size)
+            one = interval(float(function(values)), float(low), float(high), values.size)
+            if few := too_few(run, values):
+                one = dataclasses.replace(Estimate.missing(values.size, few), estimate=one.estimate)
             rows.append(one.row(**dict(zip(columns, (name, label), strict=True))))
     return pd.DataFrame(rows)
 
@@ -117,7 +129,8 @@ def probability_of_improvement(
 ) -> Estimate:
     """P(a run of ``better`` scores above one of ``worse``), mean over tasks; ties count half.
 
-    ``p`` is that of 0.5, two-sided, from the bootstrap; ``n`` the runs of both on all tasks.
+    ``p`` is that of 0.5, two-sided, from the bootstrap, and not below what dealing the runs of each task anew could give;
+    ``n`` the runs of both on all tasks. Of fewer than three runs there is neither interval nor p.
 
     Raises:
         SegarError: as :func:`aggregates`, or one of the two is not in the table, or they did different tasks.
@@ -125,16 +138,27 @@ def probability_of_improvement(
     found = matrices(table, score, by, task, run)
     for name in (better, worse):
         if name not in found:
-            raise SegarError(f"no row has {by} '{name}'.{did_you_mean(name, list(found))}")
-    tasks = [set(labels(table.loc[(table[by] == name).to_numpy()], task)) for name in (better, worse)]
+            raise SegarError(f"no row has {by} '{name}'.{did_you_mean(str(name), map(str, found))}")
+    done, words = keys(table, task), labels(table, task)
+    tasks = [set(done[(table[by] == name).to_numpy()]) for name in (better, worse)]
     if tasks[0] != tasks[1]:
-        raise SegarError(f"{better} and {worse} did different tasks: {', '.join(sorted(tasks[0] ^ tasks[1]))}")
+        alone = ", ".join(sorted(words[done == one][0] for one in tasks[0] ^ tasks[1]))
+        raise SegarError(f"{better} and {worse} did different tasks: {alone}")
     a, b = found[better], found[worse]
     drawn = wins(resampled(a, rng, resamples), resampled(b, rng, resamples))
     low, high = np.quantile(drawn, (0.025, 0.975))
     side = min((drawn <= 0.5).mean(), (drawn >= 0.5).mean())
-    p = float(min(1.0, max(2 * side, 1 / resamples)))
-    return Estimate(float(wins(a, b)), float(low), float(high), a.size + b.size, p)
+    deals = float(comb(len(a) + len(b), len(a))) ** a.shape[1]
+    p = float(min(1.0, max(2 * side, 1 / resamples, 2 / deals)))
+    found = Estimate.between(float(wins(a, b)), float(low), float(high), a.size + b.size)
+    few = too_few(run, a, b)
+    return dataclasses.replace(found, low=np.nan, high=np.nan, note=few) if few else dataclasses.replace(found, p=p)
+
+
+def too_few(run: str, *scores: Scores) -> str:
+    """Why scores [runs, tasks] have no interval: of one or two runs a bootstrap has next to no width; empty of more."""
+    count = min(map(len, scores))
+    return f"{count} {run}{'s' * (count > 1)}: no interval" if count < FEWEST_UNITS else ""
 
 
 def wins(a: Scores, b: Scores) -> Scores:
@@ -143,21 +167,23 @@ def wins(a: Scores, b: Scores) -> Scores:
     return ((difference + 1) / 2).mean(axis=(-3, -2, -1))
 
 
-def matrices(table: pd.DataFrame, score: str, by: str, task: Sequence[str], run: str) -> dict[str, Scores]:
+def matrices(table: pd.DataFrame, score: str, by: str, task: Sequence[str], run: str) -> dict[Any, Scores]:
     """Scores [runs, tasks] of each value of ``by``, tasks in the order of their names."""
     require(table, score, by, run, *task)
-    found = {}
-    for name, part in table.groupby(by, sort=True):
-        wide = part.assign(task=labels(part, task)).pivot_table(score, run, "task", aggfunc=list, dropna=False)
+    found: dict[Any, Scores] = {}
+    whose, tasks, _ = (keys(table, names) for names in ((by,), task, (run,)))
+    for _, part in table.assign(task=tasks).groupby(whose):
+        name = part[by].iloc[0]
+        wide = part.pivot_table(score, run, "task", aggfunc=list, dropna=False)
         ragged = [(r, t) for r, row in wide.iterrows() for t, v in row.items() if not isinstance(v, list) or len(v) > 1]
         if ragged:
             (r, t), cell = ragged[0], wide.loc[ragged[0]]
-            what = "several rows" if isinstance(cell, list) else "no row"
+            what, where = "several rows" if isinstance(cell, list) else "no row", labels(table, task)[tasks == t][0]
             raise SegarError(
-                f"{by} '{name}' has {what} for {run} {r} on {t}; every run must have one score on every task"
+                f"{by} '{name}' has {what} for {run} {r} on {where}; every run must have one score on every task"
             )
-        found[str(name)] = np.array([[v[0] for v in row] for row in wide.to_numpy()], np.float64)
-        if not np.isfinite(found[str(name)]).all():
+        found[name] = np.array([[v[0] for v in row] for row in wide.to_numpy()], np.float64)
+        if not np.isfinite(found[name]).all():
             raise SegarError(f"{by} '{name}' has a {score} that is not finite")
     return found
 

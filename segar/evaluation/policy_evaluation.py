@@ -11,6 +11,7 @@ from segar.envs import Policy, VectorEnv, actions_of, begin_policy, known_option
 from segar.errors import ActionError, SegarError, did_you_mean
 from segar.evaluation.baselines import Baselines, find_baselines
 from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
+from segar.hardness import wilson_interval
 from segar.levels import Levels
 from segar.metrics import w2
 from segar.observations import trained_on
@@ -18,6 +19,7 @@ from segar.support import aligned, counted, is_whole
 
 CONFIDENCE = 0.95
 TRIAL_QUANTITIES = ("return", "success")  # quantities that are told trial by trial
+ROUNDING = 1e-12  # by which levels may differ that are all alike, as a part of their figures
 SHARES = ("success", "death")  # quantities that are shares of episodes
 OF_SETS = ("score", "regret")  # figures of level sets, which are not means of quantities of episodes
 NOT_CHOSEN = ("autoreset_mode", "copy", "render_mode")  # options of environments that evaluation decides
@@ -31,7 +33,8 @@ class Interval(NamedTuple):
     high: float
 
     def __str__(self) -> str:
-        return f"{self.value:.4g} [{self.low:.4g}, {self.high:.4g}]"
+        interval = f"[{self.low:.4g}, {self.high:.4g}]" if np.isfinite(self.low) else "(no interval)"
+        return f"{self.value:.4g} {interval}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,10 +78,9 @@ class LevelSetResult:
 
     def mean(self, quantity: str = "return", trial: int | None = None) -> Interval:
         """The mean over levels, with Student's interval over levels; that of a share, ``success`` or ``death``, ends at 0 and
-        1. Arguments as of :meth:`of_levels`."""
-        of_levels = self.of_levels(quantity, trial)
-        found = _interval(of_levels.mean(), [of_levels])
-        return _within(found, 0.0, 1.0) if quantity in SHARES else found
+        1, and is Wilson's where all levels have one share. Of one level, or of levels that are all alike, there is none.
+        Arguments as of :meth:`of_levels`."""
+        return _interval([self.of_levels(quantity, trial)], quantity in SHARES)
 
     def adaptation_gain(self, quantity: str = "return") -> Interval:
         """What the policy gains from the first trial on a level to the last one; see :func:`adaptation_gain`.
@@ -142,14 +144,14 @@ class Evaluation:
 
         The interval says what other levels of the same distributions might give, training levels included; the ``gap_se``
         of runs takes the training levels as they are. It says nothing of other seeds of training: for these, evaluate
-        several trained policies. The interval of a share ends at -1 and 1.
+        several trained policies. The interval of a share ends at -1 and 1; where no level differs from the others of its
+        set, it is Newcombe's, and returns have none.
         """
-        train, test = self.train.of_levels(quantity), self.test.of_levels(quantity)
-        found = _interval(test.mean() - train.mean(), [train, test])
-        return _within(found, -1.0, 1.0) if quantity in SHARES else found
+        return _interval([self.test.of_levels(quantity), self.train.of_levels(quantity)], quantity in SHARES)
 
     def figures(self) -> dict[str, float]:
-        """All figures as plain numbers by name, e.g. ``test/return``, ``test/return_low``, ``gap``, ``w2/exact``."""
+        """All figures as plain numbers by name, e.g. ``test/return``, ``test/return_low``, ``gap``, ``w2/exact``; the ends of
+        intervals that do not exist are left out."""
         found: dict[str, float] = {}
         for name, result in (("train", self.train), ("test", self.test)):
             for quantity in QUANTITIES:
@@ -264,10 +266,11 @@ def require_modes(distances: Any) -> None:
 
 
 def mean_of_levels(values: np.ndarray, least: float = -np.inf, most: float = np.inf) -> Interval:
-    """The mean of one number per level, with Student's interval over levels, which ends at ``least`` and ``most``."""
+    """The mean of one number per level, with Student's interval over levels, which ends at ``least`` and ``most``; none of
+    levels that are all alike."""
     if not len(values):
         return Interval(np.nan, np.nan, np.nan)
-    return _within(_interval(values.mean(), [values]), least, most)
+    return _within(_interval([values]), least, most)
 
 
 def adaptation_gain(level: ArrayLike, trial: ArrayLike, values: ArrayLike) -> Interval:
@@ -297,7 +300,7 @@ def adaptation_gain(level: ArrayLike, trial: ArrayLike, values: ArrayLike) -> In
             raise SegarError(f"adaptation_gain: level {names[counts.argmin()]} lacks its first or its last trial")
         ends.append(np.bincount(place[which], values.astype(float)[which], len(names)) / counts)
     gains = ends[0] - ends[1]
-    found = _interval(gains.mean(), [gains])
+    found = _interval([gains])
     return _within(found, -1.0, 1.0) if values.dtype == np.bool_ else found
 
 
@@ -386,19 +389,26 @@ def checked_actions(given: Any, env: VectorEnv) -> Any:
         raise ActionError(f"what the policy gave for {n} observations, {shape} expected: {error}") from error
 
 
-def _interval(value: float, groups: Sequence[np.ndarray]) -> Interval:
-    """A mean, or a difference of two, with the interval of Student, or of Welch, over the entries of the groups."""
+def _interval(groups: Sequence[np.ndarray], is_share: bool = False) -> Interval:
+    """The mean of a group, or what it is above that of a second one, with the interval of Student, or of Welch, over their
+    entries. Where no group varies, these have no width: that of shares is Wilson's, or Newcombe's (1998), of others none."""
     from scipy.special import stdtrit
 
-    counts = [len(group) for group in groups]
-    if min(counts) < 2:
-        return Interval(float(value), np.nan, np.nan)
+    means, counts = [float(group.mean()) for group in groups], [len(group) for group in groups]
+    value, least = means[0] - sum(means[1:]), 1.0 - len(groups)
+    vary = any(np.ptp(group) > ROUNDING * abs(group).max() for group in groups)
+    if min(counts) < 2 or not (is_share or vary):
+        return Interval(value, np.nan, np.nan)
+    if not vary:
+        lows, highs = zip(*map(wilson_interval, means, counts), strict=True)
+        below = np.hypot(means[0] - lows[0], sum(highs[1:]) - sum(means[1:]))
+        above = np.hypot(highs[0] - means[0], sum(means[1:]) - sum(lows[1:]))
+        return Interval(value, float(value - below), float(value + above))
     squares = [float(group.var(ddof=1)) / len(group) for group in groups]
-    if sum(squares) == 0:
-        return Interval(float(value), float(value), float(value))
     freedom = sum(squares) ** 2 / sum(s**2 / (n - 1) for s, n in zip(squares, counts, strict=True))
     margin = float(stdtrit(freedom, (1 + CONFIDENCE) / 2)) * sum(squares) ** 0.5
-    return Interval(float(value), float(value) - margin, float(value) + margin)
+    found = Interval(value, value - margin, value + margin)
+    return _within(found, least, 1.0) if is_share else found
 
 
 def _within(found: Interval, least: float, most: float) -> Interval:
@@ -408,4 +418,6 @@ def _within(found: Interval, least: float, most: float) -> Interval:
 
 
 def _ends(name: str, interval: Interval) -> dict[str, float]:
-    return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
+    """A value and its interval by name; without the interval where there is none."""
+    ends = {f"{name}_low": interval.low, f"{name}_high": interval.high}
+    return {name: interval.value} | {end: value for end, value in ends.items() if np.isfinite(value)}

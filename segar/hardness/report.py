@@ -142,4 +142,5 @@ def wilson_interval(share: Any, trials: int) -> tuple[Any, Any]:
     p, z2 = np.asarray(share, float), NORMAL_95**2
     centre = (p + z2 / (2 * trials)) / (1 + z2 / trials)
     margin = NORMAL_95 / (1 + z2 / trials) * np.sqrt(p * (1 - p) / trials + z2 / (4 * trials**2))
-    return np.maximum(centre - margin, 0.0), np.minimum(centre + margin, 1.0)
+    low, high = np.maximum(centre - margin, 0.0), np.minimum(centre + margin, 1.0)
+    return np.where(p > 0, low, 0.0)[()], np.where(p < 1, high, 1.0)[()]  # to the bit, which rounding would miss

@@ -77,7 +77,7 @@ def _share(values: Sequence[float]) -> Interval:
     """The mean of values between 0 and 1, with Wilson's interval of 95 % for a share."""
     mean = sum(values) / len(values)
     low, high = wilson_interval(mean, len(values))
-    return Interval(mean, float(low) if mean > 0 else 0.0, float(high) if mean < 1 else 1.0)
+    return Interval(mean, float(low), float(high))
 
 
 def _marked(question: Question, answer: Any, player: Player) -> Mark:

@@ -103,7 +103,9 @@ def test_fewer_than_three_level_sets_have_no_interval_and_the_text_says_so():
     assert np.isfinite(found["estimate"]).all()
     text = summary_text(runs.to_dict("records"))
     assert "2 level sets: no interval. It takes 3; sweep levels.seed." in text and "[" not in text
-    assert "An interval without width" in summary_text(table().to_dict("records"))  # success is 0.5 everywhere
+    assert "Units with equal results have no interval" in summary_text(
+        table().to_dict("records")
+    )  # success is 0.5 everywhere
 
 
 def test_means_of_all_figures_are_written_to_a_file(tmp_path):

@@ -14,7 +14,7 @@ from scipy.stats import rankdata
 from analysis.plotting.names import word_for
 from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
 from analysis.report.rules import LEAST_BLOCKS
-from analysis.stats.association import ASSOCIATION_COLUMNS, associations, kept, labels
+from analysis.stats.association import ASSOCIATION_COLUMNS, associations, kept, keys, labels
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from analysis.stats.correlation import correlate, explained, indicators
 from analysis.stats.estimate import Estimate
@@ -178,7 +178,7 @@ class Evidence:
             yield f"without {word_for(family)}", self, keep(self.main, self.main["family"] != family), False
         yield "without runs with one training level", self, keep(self.main, self.main["n"] > 1), False
         for change, rule in OUTLIERS.items():
-            rows = kept(self.main, x, y, labels(self.main, PANEL), rule) if len(self.main) else []
+            rows = kept(self.main, x, y, keys(self.main, PANEL), rule) if len(self.main) else []
             yield change, self, keep(self.main, rows), False
         yield "Spearman's ρ in place of r", self, self.main, True
         if y == "gap":

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.report.claims.evidence import Evidence
-from analysis.stats.association import labels
+from analysis.stats.association import keys
 from analysis.stats.correlation import indicators
 from analysis.stats.prediction import gain
 from analysis.tables import Floats, column, keep, mean_by
@@ -35,8 +35,8 @@ def matched_predictions(evidence: Evidence, runs: pd.DataFrame) -> pd.DataFrame:
         if name not in table:
             continue
         part = keep(table, np.isfinite(column(table, name)))
-        cells = indicators(list(labels(part, ("family", "n"))))
-        blocks = np.unique(labels(part, ("family", "seed")), return_inverse=True)[1]  # predicted as a whole
+        cells = indicators(keys(part, ("family", "n")))
+        blocks = keys(part, ("family", "seed"))  # predicted as a whole
         values = np.column_stack([column(part, OUTCOME), standardised(part, name), blocks, cells])
         found = evidence.by_blocks(part, values, lambda v: gain(v[:, 0], v[:, 1:2], v[:, 3:], v[:, 2]))
         rows.append(found.row(measure=words))
@@ -61,7 +61,7 @@ def with_weighted(evidence: Evidence, table: pd.DataFrame) -> pd.DataFrame:
 
 def standardised(table: pd.DataFrame, name: str) -> Floats:
     """A measure in standard deviations within each family and n, because its scale differs between them."""
-    value, cells = column(table, name).copy(), labels(table, ("family", "n"))
+    value, cells = column(table, name).copy(), keys(table, ("family", "n"))
     for cell in np.unique(cells):
         rows = cells == cell
         spread = value[rows].std()

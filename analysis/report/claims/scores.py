@@ -14,14 +14,14 @@ import pandas as pd
 from analysis.report.claims.evidence import SEED
 from analysis.report.claims.rows import is_plain_ppo
 from analysis.report.results import ETA, Results
-from analysis.stats.association import labels
+from analysis.stats.association import keys
 from analysis.stats.estimate import Estimate
+from analysis.stats.resampling import FEWEST_UNITS
 from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
 from analysis.tables import Floats, column, count_of, keep, select
 
 COMPARED = {"figure_5a": "Self-supervised losses", "appendix_sac": "SAC and PPO"}  # experiments with several algorithms
 CELLS = ("family", "difficulty", "n")  # the tasks: in each, the runs of an algorithm differ by their seeds
-LEAST_SEEDS = 3  # that an interval is given of: a bootstrap of one or two runs per cell has next to no width
 IQM, SUCCESS, REGRET, IMPROVEMENT = "iqm of scores", "success", "regret", "improvement"
 COLUMNS = {IQM: ("score", "iqm"), SUCCESS: ("success_test_deterministic", "mean"), REGRET: ("regret", "mean")}
 
@@ -48,7 +48,7 @@ def scored(results: Results, experiment: str) -> pd.DataFrame | str:
 def complete(runs: pd.DataFrame) -> pd.DataFrame:
     """The runs of the seeds that have one run of each algorithm in each cell."""
     wanted = count_of(runs, "algorithm") * len(runs.groupby(list(CELLS)))
-    places = {seed: labels(of_seed, ["algorithm", *CELLS]) for seed, of_seed in runs.groupby("seed")}
+    places = {seed: keys(of_seed, ["algorithm", *CELLS]) for seed, of_seed in runs.groupby("seed")}
     seeds = [seed for seed, there in places.items() if len(there) == len(set(there)) == wanted]
     return keep(runs, runs["seed"].isin(seeds))
 
@@ -76,7 +76,7 @@ def means_of(experiment: str, runs: pd.DataFrame) -> Iterator[dict[str, Any]]:
     for measure, (value, metric) in COLUMNS.items():
         found = aggregates(runs, value, generator(experiment, measure), task=CELLS)
         for row in select(found, metric=metric).to_dict("records"):
-            yield with_interval(runs, Estimate.of_row(row)).row(algorithm=row["algorithm"], measure=measure)
+            yield Estimate.of_row(row).row(algorithm=row["algorithm"], measure=measure)
 
 
 def improvements(experiment: str, runs: pd.DataFrame) -> Iterator[dict[str, Any]]:
@@ -87,25 +87,17 @@ def improvements(experiment: str, runs: pd.DataFrame) -> Iterator[dict[str, Any]
         if name != plain[0]:
             rng = generator(experiment, f"{IMPROVEMENT} {name}")
             found = probability_of_improvement(runs, "score", name, plain[0], rng, task=CELLS)
-            yield with_interval(runs, found).row(algorithm=name, measure=IMPROVEMENT)
+            yield found.row(algorithm=name, measure=IMPROVEMENT)
 
 
 def profiles(results: Results, thresholds: Floats) -> pd.DataFrame:
     """The share of runs of each algorithm that score above each threshold, per experiment with enough seeds for intervals."""
     parts = []
     for experiment, runs in comparable(results):
-        if count_of(runs, "seed") >= LEAST_SEEDS:
+        if count_of(runs, "seed") >= FEWEST_UNITS:
             found = performance_profiles(runs, "score", list(thresholds), generator(experiment, "profiles"), task=CELLS)
             parts.append(found.assign(experiment=experiment))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
-
-
-def with_interval(runs: pd.DataFrame, found: Estimate) -> Estimate:
-    """The estimate as it is, or without interval and p where there are too few seeds."""
-    seeds = count_of(runs, "seed")
-    if seeds >= LEAST_SEEDS:
-        return found
-    return Estimate(found.estimate, np.nan, np.nan, found.n, note=f"{seeds} seed{'s' * (seeds > 1)}: no interval")
 
 
 def generator(experiment: str, what: str) -> np.random.Generator:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
 import pandas as pd
 
 from analysis.plotting.names import word_for
@@ -44,8 +43,6 @@ def compared(evidence: Evidence) -> list[Block]:
     for experiment, algorithm in dict.fromkeys(zip(table["experiment"], table["algorithm"], strict=True)):
         part = select(table, experiment=experiment, algorithm=algorithm)
         iqm, success, regret, improvement = (row_of(part, measure=one) for one in (IQM, SUCCESS, REGRET, IMPROVEMENT))
-        if improvement.low == improvement.high:  # every run of one is above every run of the other: nothing to resample
-            improvement = Estimate(improvement.estimate, np.nan, np.nan, improvement.n)
         rows.append([
             COMPARED[experiment], word_for(algorithm), f"{iqm.n}",
             *(text for one in (iqm, success, regret, improvement) for text in effect(one, plain)),

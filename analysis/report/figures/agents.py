@@ -10,10 +10,11 @@ from analysis.plotting.names import panel_name, word_for
 from analysis.report.claims.claim import METRIC_OURS
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.rows import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
-from analysis.report.claims.scores import COMPARED, LEAST_SEEDS, profiles
+from analysis.report.claims.scores import COMPARED, profiles
 from analysis.report.claims.statements import METRICS
 from analysis.report.figures.drawing import CELL, SHORT_GAP, Drawn, Related, draw_related, figure_of_curves
 from analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
+from analysis.stats.resampling import FEWEST_UNITS
 from analysis.tables import binned, column, count_of, mean_by, pick, select
 
 THRESHOLDS = np.linspace(-0.5, 1.0, 61)  # of scores, in performance profiles
@@ -101,7 +102,7 @@ def performance_profiles(evidence: Evidence) -> Drawn | str:
     """The share of runs that score above each threshold, per algorithm."""
     table = profiles(evidence.all_results, THRESHOLDS)
     if table.empty:
-        return f"no experiment has scores of several algorithms with {LEAST_SEEDS} seeds or more"
+        return f"no experiment has scores of several algorithms with {FEWEST_UNITS} seeds or more"
     experiments = list(dict.fromkeys(table["experiment"]))
     colours = style.colours(table["algorithm"])
     figure = new_figure(4.6 * len(experiments), 3.6)

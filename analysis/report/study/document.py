@@ -16,7 +16,7 @@ from analysis.report.results import ETA, paired
 from analysis.report.study.claims import TESTED, WORDS
 from analysis.report.study.reading import SUCCESS, Study
 from analysis.runs import SAME_LEVELS, SHARED_LEVELS
-from analysis.stats.association import labels
+from analysis.stats.association import keys
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, pick, select
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
@@ -45,7 +45,7 @@ def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Pictu
 
 def opening(study: Study, claims: Sequence[Claim]) -> Iterator[Block]:
     """What there is, what is missing, and the claims in sentences."""
-    runs, sets = study.runs, len(set(labels(study.runs, ["panel", "seed"])))
+    runs, sets = study.runs, len(set(keys(study.runs, ["panel", "seed"])))
     kinds = f"{len(study.agents)} kinds" if len(study.agents) > 1 else "one kind"
     yield Paragraph(
         f"{len(runs)} runs in {len(study.panels)} panels, on {sets} level sets, with {kinds} of agents. The"

@@ -12,7 +12,6 @@ from analysis.distances import COMMON
 from analysis.report.claims.evidence import Evidence
 from analysis.report.results import BLOCK, PANEL, measured, read_results
 from analysis.runs import LEVEL_SETS, column_name, number_of_pairs
-from analysis.stats.association import labels
 from analysis.tables import count_of, keep, pick, select
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS, STUDY
 from experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_SEED, kind_columns
@@ -82,8 +81,8 @@ class Study:
         if {"levels.test", "levels.test_variation"} & {*settings, *vary}:
             return self.runs.iloc[:0]
         where = ("family", "difficulty", "variation", "observation")
-        levels = set(labels(there, [f"test_{name}" for name in where]))
-        return keep(self.runs, [one in levels for one in labels(self.runs, where)])
+        levels = set(zip(*(there[f"test_{name}"] for name in where), strict=True))
+        return keep(self.runs, [one in levels for one in zip(*(self.runs[name] for name in where), strict=True)])
 
     @property
     def agents(self) -> list[str]:

@@ -45,7 +45,7 @@ def test_a_policy_without_a_memory_gains_exactly_nothing_in_a_world_without_chan
     for quantity in QUANTITIES:
         for trial in range(3):
             np.testing.assert_array_equal(found.test.of_levels(quantity, trial), once.test.of_levels(quantity))
-        assert found.test.adaptation_gain(quantity) == (0, 0, 0)
+        assert found.test.adaptation_gain(quantity).value == 0
 
 
 @pytest.mark.parametrize("batch", [512, 4])

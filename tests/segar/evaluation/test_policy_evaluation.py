@@ -27,13 +27,14 @@ class Linear:
         return self(observation)
 
 
-def evaluation_of(returns_train, returns_test):
-    """An evaluation with these returns, one episode on each level."""
+def evaluation_of(returns_train, returns_test, shares=(0.0, 0.0)):
+    """An evaluation with these returns, one episode on each level, all of which succeed or none."""
     results = []
-    for returns in (returns_train, returns_test):
+    for returns, share in zip((returns_train, returns_test), shares, strict=True):
         n = len(returns)
         no = np.zeros(n, np.bool_)
-        played = PlayedEpisodes(np.arange(n), np.array(returns, float), np.zeros(n), np.ones(n, np.int64), no, no)
+        solved = np.full(n, share == 1.0)
+        played = PlayedEpisodes(np.arange(n), np.array(returns, float), np.zeros(n), np.ones(n, np.int64), solved, no)
         results.append(segar.evaluation.LevelSetResult(played, n))
     return segar.evaluation.Evaluation(*results)
 
@@ -128,10 +129,25 @@ def test_the_intervals_are_student_s_and_welch_s():
     assert found.test.mean() == pytest.approx((b.mean(), student.low, student.high))
 
 
-def test_one_level_has_no_interval_and_equal_levels_have_one_of_no_width():
+def test_one_level_and_levels_that_are_alike_have_no_interval():
     one = evaluation_of([-1.0], [-3.0, -4.0]).gap()
     assert one.value == -2.5 and np.isnan([one.low, one.high]).all()
-    assert evaluation_of([-1.0, -1.0], [-3.0, -3.0]).gap() == (-2.0, -2.0, -2.0)
+    for equal in (evaluation_of([-1.0, -1.0], [-3.0, -3.0]).gap(), evaluation_of([0.1] * 3, [0.3] * 3).gap()):
+        assert np.isnan([equal.low, equal.high]).all() and "(no interval)" in str(equal)
+    figures = evaluation_of([-1.0], [-3.0]).figures()
+    assert np.isfinite(list(figures.values())).all() and "gap" in figures and "gap_low" not in figures
+
+
+@pytest.mark.parametrize(("train", "test"), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
+def test_shares_that_no_level_breaks_have_wilsons_interval_and_their_gap_newcombes(train, test):
+    found = evaluation_of([-1.0] * 20, [-3.0] * 30, shares=(train, test))
+    (value, low, high), n = found.test.mean("success"), 30
+    assert value == test and 0 <= low <= value <= high <= 1
+    assert high - low == pytest.approx(1.96**2 / (n + 1.96**2), rel=1e-3)
+    gap = found.gap("success")
+    assert gap.value == test - train and -1 <= gap.low <= gap.value <= gap.high <= 1 and gap.high - gap.low > 0.1
+    if test == train:
+        assert gap.low < 0 < gap.high
 
 
 def test_what_is_printed_names_sets_gap_and_distance():

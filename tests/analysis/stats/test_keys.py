@@ -1,0 +1,98 @@
+"""What belongs together is told by the values of columns: not by their text joined, and nothing is dropped without a value."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.runs import summarise
+from analysis.stats.association import associations, keys
+from analysis.stats.mixed import mixed_model
+from analysis.stats.prediction import left_out
+from analysis.stats.resampling import cluster_jackknife, permutation_of_blocks
+from analysis.stats.scores import aggregates, probability_of_improvement
+from analysis.tables import mean_by
+from segar.errors import SegarError
+
+TWINS = (("mine", "fast-v2"), ("mine-fast", "v2"))  # joined by "-" they are one
+
+
+def twins(seeds: int = 6) -> pd.DataFrame:
+    """Two panels, in each of which y rises with x, while over both it falls."""
+    rng = np.random.default_rng(0)
+    rows = []
+    for place, (family, difficulty) in enumerate(TWINS):
+        for seed in range(seeds):
+            x = 10 * place + seed + 0.1 * rng.normal()
+            rows.append((family, difficulty, seed, 10, x, x - 20 * place, "ppo"))
+    return pd.DataFrame(rows, columns=["family", "difficulty", "seed", "n", "x", "y", "algorithm"])
+
+
+def test_panels_whose_joined_names_are_one_stay_apart():
+    table = twins()
+    found = (
+        associations(table, "x", "y", given=()).query("outliers == 'kept' and method == 'pearson'").set_index("test")
+    )
+    assert found.loc["pooled", "estimate"] < 0 < 0.99 < found.loc["given panel", "estimate"]
+    assert len(found.loc[["within"]]) == 2
+    whole = cluster_jackknife(table, lambda part: float(part["y"].mean()), ["family", "difficulty", "seed"])
+    assert whole.n == 12
+    scores = aggregates(table, "y", np.random.default_rng(0))
+    assert set(scores["n"]) == {12}
+    assert left_out(table, "y", {"x": ["x"]})["r2_left_out"].notna().all()
+    model = mixed_model(table.assign(x=table["x"] + 0.5 * (table["seed"] % 2)), "y", ["x"])
+    assert dict(zip(model.random["effect"], model.random["groups"], strict=True))["family x difficulty"] == 2
+    given = np.column_stack([np.ones(12), keys(table, ["family", "difficulty"])])
+    assert permutation_of_blocks(table, "x", "y", given, np.random.default_rng(0)).estimate == pytest.approx(
+        1.0, abs=0.01
+    )
+
+
+def test_a_summary_keeps_groups_apart_whose_joined_names_are_one():
+    runs = twins().assign(state="finished", gap_deterministic=lambda t: t["y"], w2_exact=1.0)
+    found = summarise(runs, ["gap_deterministic"], by=["family", "difficulty"])
+    assert len(found) == 2 and set(found["runs"]) == {6}
+
+
+def test_numbers_and_texts_that_look_alike_are_two_values():
+    table = pd.DataFrame({"a": [1, "1", 1.5, True and "True"], "b": ["x"] * 4})
+    assert len(set(keys(table, ["a", "b"]))) == 4
+    assert keys(table, []).tolist() == [0] * 4
+
+
+@pytest.mark.parametrize("nothing", [None, np.nan])
+@pytest.mark.parametrize("name", ["algorithm", "family", "seed"])
+def test_a_row_without_a_key_is_refused_by_the_name_of_the_column(name, nothing):
+    table = twins().astype({name: object})
+    table.loc[3, name] = nothing
+    rng = np.random.default_rng(0)
+    calls = {
+        "algorithm": [
+            lambda: aggregates(table, "y", rng),
+            lambda: probability_of_improvement(table, "y", "ppo", "sac", rng),
+        ],
+        "family": [
+            lambda: aggregates(table, "y", rng),
+            lambda: associations(table, "x", "y"),
+            lambda: left_out(table, "y", {"x": ["x"]}),
+        ],
+        "seed": [
+            lambda: aggregates(table, "y", rng),
+            lambda: cluster_jackknife(table, lambda part: float(part["y"].mean()), ["family", "seed"]),
+            lambda: permutation_of_blocks(table, "x", "y", np.ones((12, 1)), rng),
+            lambda: mixed_model(table, "y", ["x"]),
+        ],
+    }
+    for call in calls[name]:
+        with pytest.raises(SegarError, match=f"1 of 12 rows have no {name}, which says what belongs together"):
+            call()
+
+
+def test_means_of_groups_without_a_name_are_kept():
+    table = pd.DataFrame({"group": ["a", None, "a"], "x": [1.0, 2.0, 3.0]})
+    assert mean_by(table, ["group"], ["x"])["x"].tolist() == [2.0, 2.0]
+
+
+def test_two_rows_of_one_block_at_one_place_are_refused():
+    table = pd.concat([twins(), twins().iloc[:1]], ignore_index=True)
+    with pytest.raises(SegarError, match="two rows of one panel have the same seed and n"):
+        permutation_of_blocks(table, "x", "y", np.ones((13, 1)), np.random.default_rng(0))
