@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from analysis.plotting import style
 from analysis.plotting.figures import METADATA, error_bars, figure_of_panels, save_figure
 from analysis.stats.estimate import Estimate, mean_of_replicates
-from analysis.tables import column, select
+from analysis.tables import column, read_frame, select
 from experiments.commands.command_line import run_from_command_line
 from segar.errors import SegarError
 
@@ -36,7 +36,7 @@ def read_causes(*folders: str | Path) -> pd.DataFrame:
         raise SegarError(
             f"there is no {CAUSES} below {', '.join(map(str, folders))}; experiments.evaluate run=FOLDER twins=true writes one"
         )
-    return pd.concat([pd.read_csv(path).assign(folder=str(path.parent)) for path in paths], ignore_index=True)
+    return pd.concat([read_frame(path).assign(folder=str(path.parent)) for path in paths], ignore_index=True)
 
 
 def profile_of_causes(causes: pd.DataFrame, mode: str = "deterministic") -> pd.DataFrame:

@@ -14,7 +14,6 @@ Tables are replaced whole; the same runs give the same rows in the same order.
 """
 
 import dataclasses
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,17 +21,16 @@ from typing import Any, cast
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 
 from analysis.collected_rows import OWN, curve_rows, level_rows, probe_rows, run_row, transfer_row
 from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
 from analysis.runs import shared_levels, training_sets
-from analysis.tables import column, select, write_csv
+from analysis.tables import column, read_frame, select, write_csv
 from experiments.commands.command_line import run_from_command_line
 from experiments.reproduction.experiment_file import PLAN, STUDY
 from experiments.reproduction.grid import run_columns, varied_columns
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
-from experiments.runs.files import replacing
+from experiments.runs.files import read_json, read_table, replacing
 from experiments.runs.run_folder import (
     EPISODES,
     EVALUATIONS,
@@ -131,8 +129,8 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """The plan that a results folder holds, with the runs ``imported`` that are taken from tables of other machines; raises
     :class:`RunFolderError` if it holds none."""
     try:
-        plan = json.loads((folder / PLAN).read_bytes())
-    except (OSError, ValueError) as error:
+        plan = read_json(folder / PLAN)
+    except RunFolderError as error:
         raise RunFolderError(
             f"{folder} holds no {PLAN} that can be read: {error}. Name a folder that experiments.reproduce made: results=..."
         ) from error
@@ -181,7 +179,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
             if tested is None or lacks:
                 missing.append((name, transfer + lacks, title))
                 continue
-            played = pq.read_table(there / EPISODES)
+            played = read_table(there / EPISODES)
             row = transfer_row(tested, played, episodes, place, transfer)
             transfers.append(row)
             tables["levels"].append(level_rows(played, {**place, "test": row["test"]}))
@@ -261,7 +259,7 @@ def imported_rows(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd.
     found: dict[str, list[pd.DataFrame]] = {name: [] for name in FILES}
     left, asked = set(runs), runs_of(plan)
     for folder in map(Path, plan.get("elsewhere", ())):
-        tables = {name: pd.read_parquet(folder / file) for name, file in FILES.items() if (folder / file).exists()}
+        tables = {name: read_frame(folder / file) for name, file in FILES.items() if (folder / file).exists()}
         here = left & set(tables["runs"]["run"]) if "runs" in tables else set()
         left -= here
         for name, table in tables.items():

@@ -8,6 +8,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from analysis.tables import read_frame
 from experiments.reproduction.grid import name_with_options, varied_columns
 from experiments.runs.executed_code import combined
 from experiments.runs.journal import read_journal
@@ -124,7 +125,7 @@ def probe_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
     So that the file stays small, numbers are rounded to below their errors, and the nats of single factors are left out:
     they are ``fraction`` times ``entropy``.
     """
-    table = pd.read_parquet(folder / PROBES).drop(columns="run").rename(columns={"n": "units"})
+    table = read_frame(folder / PROBES).drop(columns="run").rename(columns={"n": "units"})
     table = cast(pd.DataFrame, table.loc[(table["factor"] == "all") | (table["quantity"] != "information")])
     table = table.assign(**{name: table[name].astype("float32").round(digits) for name, digits in PROBE_DIGITS.items()})
     for k, (name, value) in enumerate(place.items()):

@@ -5,7 +5,6 @@ very far away are still about two standard deviations per factor away. Such numb
 distributions, and not pairs with each other. Here the unit is the same for all: the spread over all of their distributions.
 """
 
-import json
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +15,12 @@ import numpy as np
 from analysis.tables import Floats
 from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import distribution_of
+from experiments.runs.files import read_json
+from experiments.runs.own_modules import own_packages
 from experiments.runs.run_folder import EVALUATIONS, LEVELS_TEST, LEVELS_TRAIN, SUMMARY, read_config
-from experiments.settings import LevelsConfig, RunFolderError
-from segar.errors import UnseenDifferenceWarning
+from experiments.runs.trust import settings_of_file
+from experiments.settings import LevelsConfig, RunFolderError, as_data
+from segar.errors import SegarError, UnseenDifferenceWarning
 from segar.levels import Levels
 from segar.metrics import spread, w2
 
@@ -44,15 +46,22 @@ def transfer_levels(folder: Path, name: str) -> LevelPair | None:
     """The training levels of a run and the levels of the transfer in ``evaluations/<name>``; None for levels in between.
 
     Raises:
-        SegarError: the run's settings cannot be read.
+        SegarError: the run's settings cannot be read, or the transfer names code of a package that they do not name and that
+            is not trusted.
     """
     there = folder / EVALUATIONS / name
-    asked = json.loads((there / SUMMARY).read_bytes())["transfer"]
-    if asked.get("mixture"):
+    stated = read_json(there / SUMMARY, {"transfer": {"panel": str, "variation": str, "mixture?": (dict, None)}})[
+        "transfer"
+    ]
+    if stated.get("mixture"):
         return None
+    own, trusted = own_levels(folder), own_packages(as_data(read_config(folder)))
+    asked = settings_of_file(there / SUMMARY, {"transfer": stated}, trusted)["transfer"]
     test = LevelsConfig(train=asked["panel"], test=asked["panel"], variation=asked["variation"])
-    own = own_levels(folder)
-    return LevelPair(own.train, there / LEVELS, (own.distributions[0], _named(test, "test")))
+    try:
+        return LevelPair(own.train, there / LEVELS, (own.distributions[0], _named(test, "test")))
+    except SegarError as error:
+        raise RunFolderError(f"{there / SUMMARY}: {error}") from error
 
 
 def in_one_unit(tests: Sequence[LevelPair]) -> Floats:

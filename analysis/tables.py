@@ -1,6 +1,7 @@
 """Short functions on tables: rows, columns, means, CSV files."""
 
 from collections.abc import Iterable, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, cast
 
@@ -8,7 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.runs.files import replacing
+from experiments.runs.files import opened_table, replacing
+from experiments.settings import RunFolderError
+from segar.support import content_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,6 +36,18 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
         return
     with replacing(path) as beside:
         table.to_parquet(beside, index=False)
+
+
+def read_frame(path: Path) -> pd.DataFrame:
+    """The table in a file ``.csv`` or ``.parquet``, as its suffix says; raises :class:`RunFolderError` where there is none."""
+    if path.suffix == ".parquet":
+        with opened_table(path) as file:
+            return pd.read_parquet(file)
+    text = content_of(path, "table", RunFolderError)
+    try:
+        return pd.read_csv(BytesIO(text))
+    except ValueError as error:
+        raise RunFolderError(f"cannot read the table {path}: {error}") from error
 
 
 def select(table: pd.DataFrame, **equal: Any) -> pd.DataFrame:

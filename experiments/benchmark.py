@@ -21,6 +21,7 @@ Settings, as name=value:
   row=NAME                   the name of the row; by default made of algorithm, observation and budget
   rows=FOLDER                where rows are; benchmark/ under root by default, and docs/results/benchmark for those shipped
   verify=ROW                 play a row again and compare every episode to the bit; a list of rows, or all
+  trust=true                 import the modules that such a row names; without it, rows of others import nothing
   again=ROW                  make a row anew from its description, under root=FOLDER; a list of rows, or all
   table=true                 make tables, figures and page of the rows that are there, and nothing else
   dry_run=true               print the plan and run nothing
@@ -322,7 +323,7 @@ def verify_rows(config: BenchmarkConfig) -> None:
     suites = () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
     for row in named_rows(config.verify, config.places):
         began = time.monotonic()
-        count = verify(row, suites, say=lambda line: print(line, flush=True))
+        count = verify(row, suites, say=lambda line: print(line, flush=True), trusted=config.trusted)
         print(
             f"row {row.method.name}, hash {row.hash}: {count:,} episodes are equal to the bit"
             f" ({in_minutes(time.monotonic() - began)})",

@@ -10,8 +10,8 @@ from pathlib import Path
 from experiments.commands.command_line import run_from_command_line
 from experiments.commands.kernels import choose_kernels
 from experiments.runs.run_folder import read_config
-from experiments.runs.trust import EVERYTHING
 from experiments.settings import EvaluateConfig
+from segar.support import EVERYTHING
 
 
 def evaluate(config: EvaluateConfig) -> None:

@@ -1,5 +1,7 @@
 """The leaderboard as a page, made of tables alone, so that a test can make it again."""
 
+import html
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -115,6 +117,11 @@ def markdown(head: Sequence[str], lines: Iterable[Sequence[str]], texts: int = 1
     """A table in Markdown, whose first columns are text and the others numbers."""
     rule = ["---"] * texts + ["--:"] * (len(head) - texts)
     return "\n".join(f"| {' | '.join(line)} |" for line in [head, rule, *lines]) + "\n"
+
+
+def escaped(text: str) -> str:
+    """A text from the file of a row as Markdown shows it, on one line, whatever characters it has."""
+    return re.sub(r"[\\`|*\[\]]", r"\\\g<0>", " ".join(html.escape(text, quote=False).split()))
 
 
 def number(value: float, digits: int = 2) -> str:
@@ -243,5 +250,5 @@ def rows_table(rows: Mapping[str, Row]) -> str:
     for name, row in sorted(rows.items(), key=lambda one: (one[0] not in REFERENCES, one[0])):
         seeds = sorted({piece.seed for piece in row.pieces})
         suites = str(len(row.suites()))
-        lines.append([f"`{name}`", row.method.says, suites, f"{seeds[0]} to {seeds[-1]}", f"`{row.hash}`"])
+        lines.append([f"`{name}`", escaped(row.method.says), suites, f"{seeds[0]} to {seeds[-1]}", f"`{row.hash}`"])
     return markdown(["row", "what it is", "suites", "seeds", "hash"], lines)

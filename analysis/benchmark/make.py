@@ -21,6 +21,8 @@ from analysis.benchmark.tracking import numbers_of, track_row
 from analysis.plotting.figures import save_figure
 from analysis.tables import write_csv
 from experiments.benchmarking.protocol import REFERENCES, SHIPPED
+from experiments.benchmarking.row import Row
+from experiments.benchmarking.verification import is_verified
 from experiments.runs.files import write_text
 from experiments.runs.run_folder import root_folder
 from experiments.settings import TrackingConfig, construct
@@ -30,6 +32,7 @@ from segar.support import counted
 DIGITS = 6  # of numbers in CSV files
 SCORES, BOARD, IMPROVEMENT, PROFILES = "scores.csv", "leaderboard.csv", "improvement.csv", "profiles.csv"
 CAUSES = "causes.csv"
+MARK = "(not verified)"  # of rows that nobody has played again here
 PROFILE, PERFORMANCE, PAGE = "profile", "performance", "leaderboard.md"
 
 
@@ -62,18 +65,31 @@ def report_rows(
     board = leaderboard(table, suites)
     if row in rows:
         print(suite_table(table.loc[table["row"] == row]))
-        print(overall_table(rows, table, board, suites[OVERALL]))
+        print(with_marks(overall_table(rows, table, board, suites[OVERALL]), rows))
     improved, shares = improvements(table, suites[OVERALL]), profiles(table, suites[OVERALL])
     tables = {SCORES: table, BOARD: board, IMPROVEMENT: improved, PROFILES: shares, CAUSES: causes}
+    marks = {name: f"{name} {MARK}" for name in unverified(rows)}
     for name, one in tables.items():
-        write_csv(folder / name, one, DIGITS)
+        write_csv(folder / name, one.replace(dict.fromkeys({"row", "over"} & {*one}, marks)) if marks else one, DIGITS)
     shown = shown_rows(board)
     if shown:
         save_figure(profile_figure(board, shown, list(suites)), folder / PROFILE, (".png",))
         save_figure(performance_figure(shares, shown), folder / PERFORMANCE, (".png",))
-    write_text(folder / PAGE, page_text(rows, table, board, improved, causes, suites))
+    write_text(folder / PAGE, with_marks(page_text(rows, table, board, improved, causes, suites), rows))
     print(f"{counted(len(here), 'row')} here, {counted(len(rows) - len(here), 'other')}: {folder / PAGE}", flush=True)
     settings = construct(TrackingConfig, tracking or {"name": "none"}, "tracking")
     if row in rows and settings.name != "none":
         files = [path for name in (SCORES, BOARD, CAUSES, PAGE, f"{PROFILE}.png") if (path := folder / name).exists()]
         track_row(settings, root_folder(root), rows[row], numbers_of(row, table, board), files)
+
+
+def unverified(rows: Mapping[str, Row]) -> list[str]:
+    """The names of the rows that nobody has verified here: what their files say may not be what was played."""
+    return [name for name, row in rows.items() if not is_verified(row)]
+
+
+def with_marks(text: str, rows: Mapping[str, Row]) -> str:
+    """A text in which each row that nobody has verified says so."""
+    for name in unverified(rows):
+        text = text.replace(f"`{name}`", f"`{name}` {MARK}")
+    return text

@@ -1,6 +1,5 @@
 """Makes the report of a results folder: claims, statistics, figures with their data, and a page."""
 
-import json
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from analysis.report.subject import Subject
 from analysis.tables import write_csv
 from experiments.reproduction.experiment_file import PLAN
 from experiments.reproduction.imported_results import RUNS
+from experiments.runs.files import read_json
 from experiments.settings import CHECKOUT, RunFolderError, TrackingConfig, require_known
 from experiments.tracking.mlflow_store import replace_run
 
@@ -127,7 +127,7 @@ def remove_others(folder: Path, files: list[Path]) -> None:
 
 def track(results: Path, report: Report) -> None:
     """Writes headline numbers and files to MLflow, as a run of its own; a repeated report replaces that run."""
-    plan: dict[str, Any] = json.loads((results / PLAN).read_bytes()) if (results / PLAN).exists() else {}
+    plan: dict[str, Any] = read_json(results / PLAN) if (results / PLAN).exists() else {}
     if plan.get("tracking", {"name": "none"})["name"] == "none":
         return
     tags = {"kind": "report", "report_folder": str(report.folder), "scale": report.subject.evidence.results.scale}

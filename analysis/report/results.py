@@ -1,7 +1,6 @@
 """The tables of a results folder, which are all that a report is made from."""
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,9 +16,10 @@ from analysis.plotting import style
 from analysis.plotting.names import word_for
 from analysis.report.rules import GATE_MARGIN
 from analysis.stats.association import labels
-from analysis.tables import Floats, column, keep, select
+from analysis.tables import Floats, column, keep, read_frame, select
 from experiments.reproduction.experiment_file import PLAN
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
+from experiments.runs.files import read_json
 from experiments.runs.run_folder import PROBES
 from experiments.settings import RunFolderError
 from segar.errors import did_you_mean
@@ -200,30 +200,30 @@ def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
             f"{folder} holds no {RUNS}. Name a folder of tables, such as docs/results/quick, or have them made: python "
             "-m analysis.collect results=FOLDER"
         )
-    runs = pd.read_parquet(folder / RUNS)
+    runs = read_frame(folder / RUNS)
     if runs.empty:
         raise RunFolderError(f"{folder / RUNS} has no rows: no run is finished; run the same command again")
     for name in required:
         if name not in runs:
             raise RunFolderError(f"{folder / RUNS} has no column '{name}'.{did_you_mean(name, map(str, runs.columns))}")
     tables = [optional(folder / name) for name in (TRANSFERS, CURVES, PROBES)]
-    missing = pd.read_csv(folder / MISSING) if (folder / MISSING).exists() else None
+    missing = read_frame(folder / MISSING) if (folder / MISSING).exists() else None
     studies: dict[str, dict[str, pd.DataFrame]] = {}
     for path in sorted((folder / STUDIES).glob("*/*.csv")):
-        studies.setdefault(path.parent.name, {})[path.stem] = pd.read_csv(path, keep_default_na=True)
+        studies.setdefault(path.parent.name, {})[path.stem] = read_frame(path)
     transfers, curves, probes = tables
     return Results(folder, scale_of(folder), runs, transfers, curves, probes, missing, studies)
 
 
 def optional(path: Path) -> pd.DataFrame:
     """A table, or an empty one where there is none."""
-    return pd.read_parquet(path) if path.exists() else pd.DataFrame()
+    return read_frame(path) if path.exists() else pd.DataFrame()
 
 
 def scale_of(folder: Path) -> str:
     """The name of the scale: from the plan, or from the folder's name up to the first dash where there is no plan."""
     plan = folder / PLAN
-    return str(json.loads(plan.read_bytes())["scale"]) if plan.exists() else folder.name.partition("-")[0]
+    return str(read_json(plan)["scale"]) if plan.exists() else folder.name.partition("-")[0]
 
 
 def measured(table: pd.DataFrame) -> pd.DataFrame:

@@ -21,7 +21,7 @@ from experiments.runs.executed_code import differing_parts
 from experiments.runs.files import replacing, write_bytes
 from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
 from experiments.settings import CheckpointError, RunConfig, TrainingError
-from segar.support import DAMAGE, first_line, misfit
+from segar.support import DAMAGE, first_line, misfit, opened
 
 FORMAT = 1
 TRAIN_ANEW = "restart=true trains anew"
@@ -165,20 +165,20 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     and a learner, these say. A file whose parts are compressed is refused: torch never compresses them, and compressed
     ones could expand without limit.
     """
-    try:
-        with zipfile.ZipFile(path) as parts:  # torch does not look at the sums that it writes
+    with opened(path, "checkpoint", CheckpointError) as file:
+        try:
+            parts = zipfile.ZipFile(file)  # torch does not look at the sums that it writes
             if sum(part.file_size for part in parts.infolist()) > path.stat().st_size:
                 raise zipfile.BadZipFile("its parts are larger than the file")
             odd = parts.testzip()
-        if odd is not None:
-            raise zipfile.BadZipFile(f"the sum over {odd} is wrong")
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except FileNotFoundError as error:
-        raise CheckpointError(f"there is no checkpoint at {path}") from error
-    except UNUSABLE as error:
-        raise CheckpointError(
-            f"the checkpoint {path} is damaged or none of ours: {first_line(error)}. {TRAIN_ANEW}"
-        ) from error
+            if odd is not None:
+                raise zipfile.BadZipFile(f"the sum over {odd} is wrong")
+            file.seek(0)
+            content = torch.load(file, map_location="cpu", weights_only=True)
+        except UNUSABLE as error:
+            raise CheckpointError(
+                f"the checkpoint {path} is damaged or none of ours: {first_line(error)}. {TRAIN_ANEW}"
+            ) from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise CheckpointError(

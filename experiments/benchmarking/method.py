@@ -4,9 +4,9 @@ import dataclasses
 from typing import Any
 
 from experiments.benchmarking.protocol import PLAYERS
-from experiments.benchmarking.row import Method, Row
+from experiments.benchmarking.row import ROW, TRAINED, Method, Row
 from experiments.benchmarking.settings import BenchmarkConfig
-from experiments.settings import LevelCount, RunConfig, as_data, run_config
+from experiments.settings import ConfigError, LevelCount, RunConfig, RunFolderError, as_data, run_config
 
 NOT_OF_METHOD = ("levels", "evaluation", "seed", "frames")  # parts of a run's identity that differ from piece to piece
 SAYS = {
@@ -44,20 +44,27 @@ def settings_of(run: RunConfig, training_levels: LevelCount | None = None) -> di
 
 
 def again(config: BenchmarkConfig, row: Row) -> list[BenchmarkConfig]:
-    """The settings that make a row anew: of each seed, for the suites that were played with it."""
-    method = row.method
-    data = {key: value for key, value in as_data(config.run).items() if key not in method.settings}
-    data |= {key: value for key, value in method.settings.items() if key != "training_levels"}
-    data |= {"scale": {**data["scale"], "frames": method.frames or data["scale"]["frames"]}}
-    whole = dataclasses.replace(
-        config, seeds=1, row=method.name, budget=method.budget or config.budget,
-        training_levels=method.settings.get("training_levels"), player=method.name if method.name in PLAYERS else "",
-    )  # fmt: skip
-    return [
-        dataclasses.replace(
-            whole,
-            run=run_config({**data, "seed": seed}),
-            suites=tuple(piece.suite for piece in row.pieces if piece.seed == seed),
-        )
-        for seed in sorted({piece.seed for piece in row.pieces})
-    ]
+    """The settings that make a row anew: of each seed, for the suites that were played with it.
+
+    Raises:
+        SegarError: its settings are none, or name Python objects that ``config`` does not trust.
+    """
+    method, settings = row.method, dict(row.settings(config.trusted, TRAINED))
+    training_levels = settings.pop("training_levels", None)
+    try:
+        data = as_data(config.run) | settings
+        data |= {"scale": {**data["scale"], "frames": method.frames or data["scale"]["frames"]}}
+        whole = dataclasses.replace(
+            config, seeds=1, row=method.name, budget=method.budget or config.budget,
+            training_levels=training_levels, player=method.name if method.name in PLAYERS else "",
+        )  # fmt: skip
+        return [
+            dataclasses.replace(
+                whole,
+                run=run_config({**data, "seed": seed}),
+                suites=tuple(piece.suite for piece in row.pieces if piece.seed == seed),
+            )
+            for seed in sorted({piece.seed for piece in row.pieces})
+        ]
+    except ConfigError as error:
+        raise RunFolderError(f"{row.folder / ROW}: {error}") from error

@@ -11,18 +11,21 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from experiments.runs.files import locked, replacing, write_text
+from experiments.runs.files import locked, read_json, read_table, replacing, write_text
+from experiments.runs.trust import settings_of_file
 from experiments.settings import RunFolderError
-from segar.support import misfit
+from segar.support import first_line, opened, shown
 
 FORMAT = 1
 ROW, TABLE, MEANS, PIECE = "row.json", "episodes.parquet", "levels.parquet", "piece.json"
@@ -43,7 +46,14 @@ EPISODES = pa.schema(
     ]
 )
 KEYS = ("suite", "seed")
+PLAYED = ("observation", "training_levels")
+"""The settings by which episodes are played again."""
+TRAINED = (*PLAYED, "algorithm", "curriculum", "determinism", "task", "trials")
+"""The settings by which a row is made again; none says where files lie."""
 LEVEL = (*KEYS, "levels", "level")
+LEVEL_MEANS = pa.schema([*(EPISODES.field(name) for name in (*LEVEL, "return")), ("success", pa.float64())])
+NAME = re.compile(r"[\w.+-][\w .+-]{0,99}")
+"""What the names of rows are made of: they name folders, and stand in pages."""
 FORM = {
     "format": int,
     "name": str,
@@ -108,6 +118,7 @@ class Row:
 
     Attributes:
         files: the names of the row's files, and their hashes. lacks: those that the folder has not got.
+        means: the hash of the means of levels, which stand in for episodes that the folder lacks; empty where there are none.
     """
 
     method: Method
@@ -116,16 +127,27 @@ class Row:
     hash: str
     files: Mapping[str, str] = field(default_factory=dict)
     lacks: frozenset[str] = frozenset()
+    means: str = ""
 
     def episodes(self) -> pa.Table:
         """All episodes, :data:`EPISODES`, piece after piece; raises :class:`RunFolderError` if the folder lacks them."""
         if TABLE in self.lacks:
             raise RunFolderError(f"{self.folder}: the file {TABLE} is not here; {FETCH}")
-        return pq.read_table(self.folder / TABLE)
+        return _checked(self.folder / TABLE, EPISODES, self.pieces)
 
     def results(self) -> pa.Table:
         """The episodes or, where the folder lacks them, the means of :func:`means_of`."""
-        return pq.read_table(self.folder / MEANS) if TABLE in self.lacks else self.episodes()
+        return _checked(self.folder / MEANS, LEVEL_MEANS, self.pieces) if TABLE in self.lacks else self.episodes()
+
+    def settings(self, trusted: Collection[str], names: Collection[str]) -> Mapping[str, Any]:
+        """The settings of the method that have these names, as something may be made of them.
+
+        Raises:
+            RunFolderError: they name Python objects of packages that are not ``trusted``; see
+                :func:`experiments.runs.trust.settings_of_file`.
+        """
+        used = {key: value for key, value in self.method.settings.items() if key in names}
+        return settings_of_file(self.folder / ROW, {"settings": used}, trusted)["settings"]
 
     def suites(self) -> tuple[str, ...]:
         """The suites that were played, each once."""
@@ -169,21 +191,40 @@ def read_row(folder: Path) -> Row:
     made_with = data["made_with"]
     pieces = tuple(Piece(**{**one, "made_with": made_with[one["made_with"]]}) for one in data["pieces"])
     method = Method(**{one.name: data[one.name] for one in dataclasses.fields(Method)})
-    return Row(method, pieces, folder, stated, data["files"], frozenset(data["files"]) - there)
+    return Row(method, pieces, folder, stated, data["files"], frozenset(data["files"]) - there, means or "")
+
+
+def _checked(path: Path, schema: pa.Schema, pieces: Sequence[Piece]) -> pa.Table:
+    """The table of a row; raises :class:`RunFolderError` where columns are others, a number is absent or not finite, or a level
+    set of a piece is not there."""
+    table = read_table(path)
+    if table.schema.names != schema.names:
+        raise RunFolderError(f"{path}: it has other columns than {', '.join(schema.names)}")
+    try:
+        table = table.cast(schema)
+    except pa.ArrowException as error:
+        raise RunFolderError(f"{path}: its columns are of other kinds: {first_line(error)}") from error
+    for one in schema:
+        is_number = pa.types.is_floating(one.type)
+        if table[one.name].null_count or (is_number and not np.isfinite(table[one.name]).all()):
+            raise RunFolderError(f"{path}: some values in the column '{one.name}' are absent or not finite")
+    there = {tuple(one.values()) for one in table.group_by([*KEYS, "levels"]).aggregate([]).to_pylist()}
+    for piece in pieces:
+        if lacking := [name for name in piece.levels if (piece.suite, piece.seed, name) not in there]:
+            raise RunFolderError(
+                f"{path}: there are no episodes of {piece.suite}, seed {piece.seed}, on its levels '{lacking[0]}'"
+            )
+    return table
 
 
 def _description(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_bytes())
-    except OSError as error:
-        raise RunFolderError(f"{path}: there is no row: {error.strerror}") from error
-    except ValueError as error:
-        raise RunFolderError(f"{path} is no JSON: {error}") from error
-    wrong = misfit(data, FORM, only=True)
-    if wrong:
-        raise RunFolderError(f"{path}: {wrong}")
+    data = read_json(path, FORM, only=True)
     if data["format"] != FORMAT or data["kind"] not in KINDS:
         raise RunFolderError(f"{path}: format {data['format']}, kind '{data['kind']}' is not what this version reads")
+    if not NAME.fullmatch(data["name"]):
+        raise RunFolderError(
+            f"{path}: name: {shown(data['name'])} is none; it must be of letters, digits, spaces and _ . + -"
+        )
     if any(not 0 <= one["made_with"] < len(data["made_with"]) for one in data["pieces"]):
         raise RunFolderError(f"{path}: a piece was made with what made_with does not list")
     if any(Path(name).name != name for name in (*data["files"], *(one["file"] for one in data["pieces"]))):
@@ -293,7 +334,8 @@ def hash_of(data: Any) -> str:
 
 def file_hash(path: Path) -> str:
     """Sixteen digits of a file's content."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:DIGITS]
+    with opened(path, "file", RunFolderError) as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:DIGITS]
 
 
 def write_piece(folder: Path, piece: Piece, episodes: pa.Table) -> None:
@@ -308,5 +350,5 @@ def read_piece(folder: Path) -> NewPiece | None:
     """The piece in a folder of its own; None where there is none."""
     if not (folder / PIECE).exists():
         return None
-    piece = Piece(**json.loads((folder / PIECE).read_bytes()))
-    return NewPiece(piece, pq.read_table(folder / TABLE), folder / piece.file if piece.file else None)
+    piece = Piece(**read_json(folder / PIECE))
+    return NewPiece(piece, read_table(folder / TABLE), folder / piece.file if piece.file else None)

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from experiments.benchmarking.protocol import BUDGETS, PLAYERS, SHIPPED, is_about_looks, suites_named
+from experiments.benchmarking.row import NAME
 from experiments.runs.run_folder import runs_root
 from experiments.settings import ConfigError, Count, LevelCount, RunConfig, require, require_known
 from segar.suites import TEXTURED
+from segar.support import EVERYTHING
 
 ROWS = "benchmark"  # the folder of rows, under the root of runs
 
@@ -28,6 +30,7 @@ class BenchmarkConfig:
     rows: str | None = None
     verify: tuple[str, ...] = ()
     again: tuple[str, ...] = ()
+    trust: bool = False  # import the modules that rows name
     table: bool = False
     processes: int = 0
     dry_run: bool = False
@@ -45,7 +48,13 @@ class BenchmarkConfig:
         if (self.policy or self.actions) and not self.row:
             raise ConfigError("row: name the row of a method that was trained elsewhere: row=NAME")
         require(bool(suites_named(self.suites)), "suite", "[]", "a suite, or several")
-        require(Path(self.row).name == self.row, "row", self.row, "a name, without folders: rows=FOLDER says where")
+        own_name = "a name of letters, digits, spaces and _ . + -, without folders: rows=FOLDER says where"
+        require(not self.row or NAME.fullmatch(self.row) is not None, "row", self.row, own_name)
+
+    @property
+    def trusted(self) -> tuple[str, ...]:
+        """The packages whose code rows may bring in."""
+        return (EVERYTHING,) if self.trust else ()
 
     @property
     def folder(self) -> Path:

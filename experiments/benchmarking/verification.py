@@ -1,5 +1,6 @@
 """Plays a row again by what its folder holds, and compares every episode to the bit."""
 
+import dataclasses
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 
@@ -7,13 +8,15 @@ import numpy as np
 import pyarrow as pa
 
 from experiments.benchmarking.playing import replay
-from experiments.benchmarking.protocol import piece_name
-from experiments.benchmarking.row import EPISODES, FETCH, TABLE, Piece, Row, means_of
+from experiments.benchmarking.protocol import SHIPPED, piece_name
+from experiments.benchmarking.row import FETCH, PLAYED, ROW, TABLE, Piece, Row, means_of, read_row
 from experiments.runs.executed_code import differing_parts
-from experiments.settings import RunFolderError
+from experiments.settings import ConfigError, RunFolderError
 from segar.errors import SuiteError
 from segar.suites import Suite, suite
+from segar.support import private_cache_folder
 
+VERIFIED = "verified_rows"  # in the folder of compiled kernels, which belongs to the user alone
 COMPARED = ("levels", "level", "return", "length", "success", "death")
 
 
@@ -22,6 +25,7 @@ def verify(
     suites: Collection[str] = (),
     seeds: Collection[int] = (),
     say: Callable[[str], None] = lambda line: None,
+    trusted: Collection[str] = (),
 ) -> int:
     """Play the pieces of a row again; returns how many episodes are the same to the bit, which are all.
 
@@ -30,15 +34,14 @@ def verify(
 
     Args:
         suites, seeds: only these; all where they are empty.
+        trusted: packages whose code the row may bring in.
 
     Raises:
-        RunFolderError: an episode is another one, levels are others, or a suite is another version; the message names the
-            first. Or the folder lacks the files of all pieces that are asked for.
+        RunFolderError: an episode is another one, levels are others, a suite is another version, or the row names code that
+            is not trusted; the message names the first. Or the folder lacks the files of all pieces that are asked for.
     """
-    count, episodes, has_means = 0, row.results(), TABLE in row.lacks
-    if not has_means and episodes.schema != EPISODES:
-        raise RunFolderError(f"{row.folder}: the episodes have other columns than {', '.join(EPISODES.names)}")
-    recorded = _parts(episodes)
+    method = dataclasses.replace(row.method, settings=row.settings(trusted, PLAYED))
+    count, has_means, recorded = 0, TABLE in row.lacks, _parts(row.results())
     chosen = [one for one in row.pieces if (not suites or one.suite in suites) and (not seeds or one.seed in seeds)]
     here = [one for one in chosen if one.file not in row.lacks]
     if left_out := _left_out(row, chosen):
@@ -46,10 +49,11 @@ def verify(
             raise RunFolderError(left_out)
         say(left_out)
     for piece in here:
-        of, stated = suite_of(row, piece), recorded.get((piece.suite, piece.seed))
-        if stated is None:
-            raise RunFolderError(f"{row.folder}: there are no episodes of {piece_name(piece.suite, piece.seed)}")
-        played = replay(row.method, piece, of, row.folder)
+        of, stated = suite_of(row, piece), recorded[piece.suite, piece.seed]
+        try:
+            played = replay(method, piece, of, row.folder)
+        except ConfigError as error:  # in the settings of the row
+            raise RunFolderError(f"{row.folder / ROW}: {error}") from error
         _require_same(row, piece, stated, means_of(played) if has_means else played)
         count += len(played)
         means = ", by their means on each level" if has_means else ""
@@ -60,7 +64,22 @@ def verify(
         raise RunFolderError(
             f"{row.folder}: there are episodes of {piece_name(name, seed)}, which is no piece of the row"
         )
+    if not (suites or seeds or left_out):
+        with open(private_cache_folder() / VERIFIED, "a", encoding="ascii") as file:
+            file.write(f"{_content(row)}\n")
     return count
+
+
+def is_verified(row: Row) -> bool:
+    """Whether this user has verified the whole row, or it is one that comes with SEGAR, which tests verify."""
+    shipped, record = SHIPPED / row.method.name / ROW, private_cache_folder() / VERIFIED
+    known = record.read_text("ascii").splitlines() if record.exists() else []
+    return _content(row) in known or (shipped.exists() and _content(read_row(shipped.parent)) == _content(row))
+
+
+def _content(row: Row) -> str:
+    """A text that is equal for rows whose results are."""
+    return f"{row.hash} {row.means}"
 
 
 def _left_out(row: Row, chosen: Sequence[Piece]) -> str:
@@ -85,10 +104,10 @@ def suite_of(row: Row, piece: Piece) -> Suite:
     try:
         of = suite(piece.suite)
     except SuiteError as error:
-        raise RunFolderError(f"{row.folder.name}: {error}") from error
+        raise RunFolderError(f"{row.folder / ROW}: {error}") from error
     if of.hash != piece.suite_hash:
         raise RunFolderError(
-            f"{row.folder.name}: it was played on {piece.suite} with the hash {piece.suite_hash}, and the suite of this"
+            f"{row.folder / ROW}: it was played on {piece.suite} with the hash {piece.suite_hash}, and the suite of this"
             f" name has {of.hash} here"
         )
     return of

@@ -14,7 +14,6 @@ from omegaconf import OmegaConf
 
 from experiments.commands.config_store import OWN_CLASSES, WITH_OPTIONS, register_own
 from experiments.settings import (
-    OBJECT_NAME,
     TARGET,
     ConfigError,
     hand_on_password,
@@ -24,6 +23,7 @@ from experiments.settings import (
 )
 from segar.errors import did_you_mean
 from segar.suites import suites
+from segar.support import object_name
 
 SEARCH_PATH = "hydra.searchpath"
 # The setting that takes the name of an own object where a group of choices is given one.
@@ -76,7 +76,7 @@ def _with_own_name(text: str) -> str:
     if not equals or group not in {*OWN_NAMES, *OWN_NAMES.values(), *OWN_SETTINGS, *OWN_CLASSES}:
         return text
     names = [without_files(unquoted(value), group) for value in VALUE.findall(values)]
-    own = [name for name in names if OBJECT_NAME.fullmatch(name) or is_level_file(name)]
+    own = [name for name in names if object_name(name) or is_level_file(name)]
     if not own:
         return text
     if group in OWN_CLASSES:

@@ -1,11 +1,9 @@
 """A trained agent on any levels: what it achieves there beside players without training, and videos of it."""
 
 import dataclasses
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +28,8 @@ from experiments.levels.builders import (
 )
 from experiments.levels.suite_levels import levels_of_suite
 from experiments.runs.executed_code import changed_parts, code_after, differing_parts, executed_code, played_code
-from experiments.runs.own_modules import modules_named, where_searched
+from experiments.runs.files import read_json
+from experiments.runs.own_modules import names_in, where_searched
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
@@ -43,7 +42,6 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.runs.trust import EVERYTHING
 from experiments.settings import (
     ConfigError,
     EvaluateConfig,
@@ -57,13 +55,13 @@ from experiments.settings import (
 )
 from segar.cli import table
 from segar.envs import VectorEnv, play
-from segar.errors import RuleError
+from segar.errors import RuleError, SegarError
 from segar.evaluation import QUANTITIES, Baselines, Idle, find_baselines
 from segar.levels import Levels, hash_of_levels
 from segar.policies import NETWORK_FILE, Network
 from segar.rendering import View, check_video, write_video
 from segar.suites import twins
-from segar.support import counted
+from segar.support import EVERYTHING, counted, named_object
 
 COUNT = 100  # levels of a distribution, where the number is not given
 VIEW = View(size=384)  # of videos
@@ -149,12 +147,11 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
 def import_named(trained: RunConfig) -> None:
     """Imports the modules that the settings of a run name, which define the entities in its level files; raises
     :class:`ConfigError` that says where they were looked for."""
-    for name in sorted(set(modules_named(as_data(trained)))):
+    for place, name in names_in(as_data(trained)):
         try:
-            import_module(name)
-        except ImportError as error:
-            searched = where_searched(error, trained.module_path)
-            raise ConfigError(f"run: its settings name {name}, which cannot be imported: {error}{searched}") from error
+            named_object(str(name))
+        except SegarError as error:
+            raise ConfigError(f"run: {place}: {error}{where_searched(error.__cause__, trained.module_path)}") from error
 
 
 def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:
@@ -169,7 +166,7 @@ def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:
 def code_replaced(out: Path, code: Mapping[str, str]) -> list[str]:
     """Names of the parts of ``code`` that were others when the evaluation in this folder was made; none where none was."""
     path = out / SUMMARY
-    before = json.loads(path.read_bytes()).get("code") if path.exists() else None
+    before = read_json(path).get("code") if path.exists() else None
     return [] if before is None else differing_parts(before, code)
 
 

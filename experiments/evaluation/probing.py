@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from experiments.commands.plugin import find_plugin
 from experiments.runs.executed_code import fingerprint
-from experiments.runs.files import replacing
+from experiments.runs.files import opened_table, replacing
 from experiments.runs.run_folder import (
     METRIC_SCHEMA,
     METRICS,
@@ -129,8 +129,9 @@ def read_about(folder: Path) -> dict[str, Any] | None:
     """The settings of the probes of a run (``asked``), the fingerprint of their ``code``, and their ``seconds``; None
     where the run was not probed, or its file is damaged, so that it is probed again."""
     try:
-        return json.loads((pq.read_schema(folder / PROBES).metadata or {})[ABOUT])
-    except (OSError, KeyError, ValueError):
+        with opened_table(folder / PROBES) as file:
+            return json.loads((pq.read_schema(file).metadata or {})[ABOUT])
+    except (KeyError, ValueError):
         return None
 
 

@@ -19,7 +19,6 @@ from experiments.settings import (
     DEFAULT_TASK,
     DESIGNS,
     MATCHED_DESIGNS,
-    OBJECT_NAME,
     OWN_TASK,
     RULE_SETS_DESIGN,
     TARGET_DESIGN,
@@ -39,6 +38,7 @@ from segar.language import Order, Task, code_place
 from segar.levels import LevelDistribution, Levels, family
 from segar.metrics import design, matched_set, w2
 from segar.observations import OBSERVATIONS, trained_on
+from segar.support import object_name
 from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
@@ -315,7 +315,7 @@ def environment_options(
 def _import_own_levels(config: LevelsConfig) -> None:
     """Imports the modules of own levels, which may define what a task or an observation names, such as a parameter."""
     for setting, name in as_data(config).items():
-        if isinstance(name, str) and OBJECT_NAME.fullmatch(name):
+        if isinstance(name, str) and object_name(name):
             import_object(name, f"levels.{setting}")
 
 
@@ -405,11 +405,7 @@ def _find(name: str, options: Mapping[str, Any], group: str, place: str) -> Any:
     """The task or observation that ``name``, which ``place`` states, stands for; a function or class is called with
     ``options``."""
     known: Mapping[str, Any] = KNOWN_TASKS if group == "task" else OBSERVATIONS
-    if name not in known and ":" not in name:
-        raise ConfigError(f"{place}: no {group} is called '{name}'.{did_you_mean(name, known)}")
-    found = known.get(name, name)
-    if isinstance(found, str):
-        found = import_object(found, place)
+    found = import_object(name, place, group, known)
     if not callable(found):
         if options:
             made = "a task" if group == "task" else "an observation"

@@ -11,8 +11,7 @@ from functools import cache
 from typing import Any
 
 from experiments.levels.conditions import with_conditions
-from experiments.settings import ConfigError, import_object
-from segar.errors import did_you_mean
+from experiments.settings import import_object
 from segar.language import FloorFriction, GolfBall, Gravity, Mass, Parameter
 from segar.levels import LevelDistribution, Prior
 from segar.noise import UniformNoise
@@ -86,7 +85,5 @@ def vary(distribution: LevelDistribution, name: str, place: str) -> LevelDistrib
     """
     if not name:
         return distribution
-    if name not in VARIATIONS and ":" not in name:
-        raise ConfigError(f"{place}: no variation is called '{name}'.{did_you_mean(name, VARIATIONS)}")
-    change = VARIATIONS.get(name) or import_object(name, place)
+    change = import_object(name, place, "variation", VARIATIONS)
     return dataclasses.replace(change(distribution), name=f"{distribution.name or 'levels'}+{name}")

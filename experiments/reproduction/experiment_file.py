@@ -39,7 +39,6 @@ from experiments.levels.variations import VARIATIONS
 from experiments.runs.run_folder import RESULTS
 from experiments.settings import (
     DIFFICULTIES,
-    OBJECT_NAME,
     ConfigError,
     Count,
     CountFrom0,
@@ -57,6 +56,7 @@ from experiments.settings import (
 )
 from segar.errors import did_you_mean
 from segar.levels import RESERVED_GROUPS, SEPARATOR
+from segar.support import object_name
 
 PLAN, STUDY = "plan.json", "study.yaml"  # in a results folder: what is run, and what a study of one's own asks
 BASE = "base"  # in a grid: the algorithm, observation or task of the scale
@@ -135,7 +135,7 @@ COLUMNS = (
 
 def check_test(place: str, name: str) -> None:
     """Raises :class:`ConfigError` unless it is the name of a test, or ``module:function``."""
-    if not OBJECT_NAME.fullmatch(name):
+    if object_name(name) is None:
         require_known(place, name, TESTS)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from experiments.commands.hydra_app import compose, to_plain
+from experiments.commands.hydra_app import compose
 from experiments.reproduction.experiment_file import BASE, GridConfig
 from experiments.settings import GridPoint, RunConfig, as_data, config_at, flat, grid_point, is_distribution, run_config
 
@@ -74,7 +74,7 @@ def with_settings(run: RunConfig, values: Mapping[str, Any]) -> RunConfig:
     data = OmegaConf.create(as_data(run))
     for name, value in values.items():
         OmegaConf.update(data, name, value, merge=False, force_add=True)
-    return run_config(to_plain(data))
+    return run_config(OmegaConf.to_container(data))  # type: ignore[arg-type]
 
 
 def run_columns(config: RunConfig, name: str) -> dict[str, Any]:

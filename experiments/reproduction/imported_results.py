@@ -8,12 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from experiments.evaluation.transfers import RunTask
+from experiments.runs.files import read_table
 from experiments.runs.run_folder import PROBES
-from experiments.settings import ConfigError
+from experiments.settings import ConfigError, RunFolderError
 
 RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 
@@ -63,8 +61,7 @@ def columns(path: Path, *names: str) -> list[list[str]]:
     if not path.exists():
         return [[] for _ in names]
     try:
-        if not pq.read_metadata(path).num_columns:
-            return [[] for _ in names]
-        return [column.to_pylist() for column in pq.read_table(path, columns=list(names)).columns]
-    except (OSError, pa.ArrowInvalid) as error:
-        raise ConfigError(f"imported: {path} cannot be read: {error}") from error
+        table = read_table(path)
+    except RunFolderError as error:
+        raise ConfigError(f"imported: {error}") from error
+    return [table[name].to_pylist() if table.num_columns else [] for name in names]

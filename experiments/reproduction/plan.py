@@ -1,7 +1,6 @@
 """The plan of a reproduction: the runs that experiments need, each once; which of them are done; how long the rest takes."""
 
 import dataclasses
-import json
 import socket
 import statistics
 from collections import Counter
@@ -26,6 +25,7 @@ from experiments.reproduction.experiment_file import Experiment, TransferConfig,
 from experiments.reproduction.grid import grid_runs, setting
 from experiments.reproduction.imported_results import ImportedResults
 from experiments.runs.executed_code import changed_parts, executed_code
+from experiments.runs.files import read_json
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
     CHECKPOINT,
@@ -38,7 +38,7 @@ from experiments.runs.run_folder import (
     run_folders,
     runs_root,
 )
-from experiments.settings import ConfigError, RunConfig, ScaleConfig, as_data, grid_point
+from experiments.settings import ConfigError, RunConfig, RunFolderError, ScaleConfig, as_data, grid_point
 from experiments.settings.run import digest
 from segar.cli import table
 from segar.levels import REST, SEPARATOR
@@ -407,8 +407,8 @@ def kind_of(run: RunConfig) -> tuple[str, str]:
 def is_study_done(study: StudyTask) -> bool:
     """Whether the study went through with these options."""
     try:
-        return json.loads(study.done_file.read_bytes()) == study.request()
-    except (OSError, ValueError):
+        return read_json(study.done_file) == study.request()
+    except RunFolderError:
         return False
 
 

@@ -22,7 +22,9 @@ from experiments.reproduction.experiment_file import (
     entry,
     experiment_at,
 )
+from experiments.runs.run_folder import LONGEST
 from experiments.settings import ConfigError, add_module_path, construct, flat, read_yaml, require, without_files
+from segar.support import content_of
 
 PLAIN = re.compile(r"[A-Za-z0-9_.:/+-]+")  # values that Hydra reads without quotation marks
 # Of the settings in OF_GRID: what every grid says, and what says nothing where a grid says it, too.
@@ -66,10 +68,9 @@ def read_study(path: Path) -> StudyFile:
     Raises:
         ConfigError: the file cannot be read, or says something wrong; the message says where.
     """
+    text = content_of(path.resolve(), "study", ConfigError, LONGEST)
     try:
-        data = read_yaml(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"cannot read the study {path.resolve()}: {error.strerror}") from error
+        data = read_yaml(text.decode())
     except ValueError as error:
         raise ConfigError(f"cannot read the study {path}: {error}") from error
     if not isinstance(data, Mapping):

@@ -1,14 +1,36 @@
-"""Files of a run are replaced as a whole or stay as they were: see :mod:`segar.support.files`."""
+"""Files of a run are replaced as a whole or stay as they were: see :mod:`segar.support.files`. They are read as data, whoever
+made them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from experiments.settings import RunFolderError
-from segar.support import LOCK, files, locked, remove_unfinished
+from segar.support import (
+    DAMAGE,
+    LOCK,
+    check_size,
+    files,
+    first_line,
+    json_in,
+    locked,
+    misfit,
+    opened,
+    remove_unfinished,
+)
 from segar.support import UNFINISHED as TEMPORARY
 
-__all__ = ["LOCK", "TEMPORARY", "locked", "remove_unfinished", "replacing", "write_bytes", "write_text"]
+__all__ = [
+    "LOCK", "TEMPORARY", "locked", "opened_table", "read_json", "read_table", "remove_unfinished", "replacing", "write_bytes",
+    "write_text",
+]  # fmt: skip
+
+CELL = 8  # [bytes] that a value of a table takes at most, texts aside
 
 ADVICE = (
     "what was there before is untouched. Make room or give access, then start the same command again: it goes on from the"
@@ -36,3 +58,42 @@ def write_bytes(path: Path, content: bytes) -> None:
 def write_text(path: Path, content: str) -> None:
     """Replaces the file at ``path`` by ``content``; raises :class:`RunFolderError`."""
     write_bytes(path, content.encode())
+
+
+def read_json(path: Path, form: Any = dict, only: bool = False) -> Any:
+    """The data in a JSON file.
+
+    Args:
+        form, only: what they must be; see :func:`segar.support.misfit`.
+
+    Raises:
+        RunFolderError: there is no such file, it is no JSON, or the data are of another form; the message names the place.
+    """
+    data = json_in(path, f"a {path.name}", RunFolderError)
+    if wrong := misfit(data, form, only=only):
+        raise RunFolderError(f"{path}: {wrong}")
+    return data
+
+
+def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """The table in a Parquet file, or some of its columns.
+
+    Raises:
+        RunFolderError: there is no such file, it is no table, lacks a column, or would take more memory than the limit.
+    """
+    with opened_table(path) as file:
+        return pq.read_table(file, columns=columns and [*columns])
+
+
+@contextmanager
+def opened_table(path: Path) -> Iterator[BufferedReader]:
+    """A Parquet file to read from, which is not too large; errors in the block are those of :func:`read_table`."""
+    with opened(path, "table", RunFolderError) as file:
+        try:
+            found = pq.read_metadata(file)
+            check_size(path, CELL * found.num_rows * found.num_columns, "table", RunFolderError)
+            yield file
+        except RunFolderError:
+            raise
+        except (pa.ArrowException, *DAMAGE) as error:
+            raise RunFolderError(f"cannot read the table {path}: {first_line(error)}") from error

@@ -15,6 +15,8 @@ from typing import Any
 
 from experiments.commands.signals import Stopped
 from experiments.runs.run_folder import JOURNAL
+from experiments.settings import RunFolderError
+from segar.support import content_of
 
 PREPARATION = "preparation"  # what a run does before its first frame
 
@@ -64,7 +66,8 @@ class Journal:
 def read_journal(folder: Path) -> list[dict[str, Any]]:
     """All lines of a run's journal that are whole; a full disk or a power cut can leave others."""
     path = folder / JOURNAL
-    lines = path.read_text(errors="replace", encoding="utf-8").splitlines() if path.exists() else []
+    text = content_of(path, "journal", RunFolderError) if path.exists() else b""
+    lines = text.decode(errors="replace").splitlines()
     return [entry for entry in map(_parsed, lines) if entry is not None]
 
 
@@ -79,6 +82,6 @@ def _account(error: BaseException) -> dict[str, Any]:
 def _parsed(line: str) -> dict[str, Any] | None:
     try:
         entry = json.loads(line)
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
         return None
     return entry if isinstance(entry, dict) and "event" in entry else None

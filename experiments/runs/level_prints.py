@@ -1,7 +1,6 @@
 """Fingerprints of single levels, by which one sees whether two level sets hold the same levels, in whatever order."""
 
 import hashlib
-import zipfile
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 
 from experiments.settings import RunFolderError, is_level_file
 from segar.levels import Levels
+from segar.support import Form, open_npz
 
 CONTENT = ("types", "values", "shape_kind", "vertex_count", "parameters")  # of a level, beside the corners of hulls
 
@@ -41,11 +41,10 @@ def share_of(some: frozenset[bytes], others: frozenset[bytes]) -> float:
 @cache
 def _in_file(path: Path, _time: int, _size: int) -> frozenset[bytes]:
     # Levels.load would need the entity types, which the user's modules define.
-    try:
-        with np.load(path) as arrays:
-            return _prints(arrays)
-    except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
-        raise RunFolderError(f"cannot read the levels in {path}: {error}") from error
+    forms = {name: Form(None, ("n", ...)) for name in CONTENT}
+    forms |= {"vertices": Form(None, ("n", "E", "V", 2)), "vertex_count": Form(None, ("n", "E"))}
+    with open_npz(path, "level file", RunFolderError) as npz:
+        return _prints(npz.read(forms))
 
 
 def _prints(arrays: Mapping[str, Any]) -> frozenset[bytes]:

@@ -10,28 +10,34 @@ from typing import Any
 
 import segar
 from experiments.runs.source_text import nodes_of
-from experiments.settings import CHECKOUT, OBJECT_NAME, TARGET
+from experiments.settings import CHECKOUT, TARGET, name_of_target, path_of
+from segar.support import ObjectName, object_name
 
 OURS = ("segar", "experiments", "analysis")
 OUR_FOLDERS = (Path(segar.__file__).resolve().parent, *(CHECKOUT / name for name in OURS if name != "segar"))
 # Where a learner's own code ends: what these rooms do decides no weight.
 LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.curricula", "experiments.networks")
-NO_CODE = ("tracking", "root", "folder", "module_path")  # settings that name nothing which is imported
+MODULE_PATH = "module_path"
+NO_CODE = ("tracking", "root", "folder", MODULE_PATH)  # settings that name nothing which is imported
+
+
+def names_in(settings: Any, place: str = "", is_part: bool = False) -> Iterator[tuple[str, ObjectName]]:
+    """The Python objects that settings name, as ``module:attribute`` or ``_target_: module.Class``, and where they do."""
+    if isinstance(settings, str) and (found := object_name(settings)):
+        yield place, found
+    is_group = isinstance(settings, Mapping)
+    for key, part in (
+        settings.items() if is_group else enumerate(settings) if isinstance(settings, list | tuple) else ()
+    ):
+        if is_part or key not in NO_CODE:
+            yield from names_in(part, path_of(place, key), is_part or is_group)
+            if key == TARGET and isinstance(part, str):
+                yield from names_in(name_of_target(part), path_of(place, key))
 
 
 def modules_named(settings: Any) -> Iterator[str]:
-    """The modules that settings name as ``module:attribute``, or as ``_target_: module.Class``."""
-    if isinstance(settings, Mapping):
-        for key, part in settings.items():
-            if key == TARGET and isinstance(part, str):
-                yield part.rpartition(".")[0]
-            elif key not in NO_CODE:
-                yield from modules_named(part)
-    elif isinstance(settings, list | tuple):
-        for part in settings:
-            yield from modules_named(part)
-    elif isinstance(settings, str) and (found := OBJECT_NAME.fullmatch(settings)):
-        yield found[1]
+    """The modules of the objects that settings name."""
+    return (name.module for _, name in names_in(settings))
 
 
 def own_packages(settings: Any) -> set[str]:
@@ -48,7 +54,7 @@ def folders_of(settings: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(map(str, folders)))
 
 
-def where_searched(error: ImportError, module_path: Sequence[str]) -> str:
+def where_searched(error: BaseException | None, module_path: Sequence[str]) -> str:
     """In which folders a module was looked for in vain, those of ``module_path`` that are gone among them, and what helps.
 
     Empty where the module was found and something in it went wrong.

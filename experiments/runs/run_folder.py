@@ -33,9 +33,18 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from experiments.runs.files import LOCK, TEMPORARY, locked, remove_unfinished, replacing, write_text
+from experiments.runs.files import (
+    LOCK,
+    TEMPORARY,
+    locked,
+    read_json,
+    read_table,
+    remove_unfinished,
+    replacing,
+    write_text,
+)
 from experiments.runs.own_modules import folders_of, modules_named, own_packages
-from experiments.runs.trust import require_trust, signed
+from experiments.runs.trust import settings_of_file, signed
 from experiments.settings import (
     CHECKOUT,
     ConfigError,
@@ -46,8 +55,10 @@ from experiments.settings import (
     run_config,
     without_password,
 )
+from segar.support import content_of
 
 CONFIG = "config.yaml"
+LONGEST = 2**20  # [bytes] of the settings of a run
 LEVELS_TRAIN = "levels_train.npz"
 LEVELS_TEST = "levels_test.npz"
 JOURNAL = "journal.jsonl"
@@ -114,7 +125,7 @@ def is_finished(folder: Path) -> bool:
 def sweeps_of(folder: Path, config: RunConfig) -> tuple[str, ...]:
     """The names of the sweeps that a run is of: its own, and those that asked for it when it was finished."""
     path = folder / SWEEPS
-    further = json.loads(path.read_bytes())["sweeps"] if path.exists() else []
+    further = read_json(path, {"sweeps": [str]})["sweeps"] if path.exists() else []
     return tuple(name for name in (config.tracking.sweep, *further) if name)
 
 
@@ -260,25 +271,23 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
 
     Args:
         trusted: modules or packages that the settings may name, whoever wrote them; see
-            :func:`experiments.runs.trust.require_trust`.
+            :func:`experiments.runs.trust.settings_of_file`.
 
     Raises:
         RunFolderError: there are no settings, they are not readable, or they name code that is not trusted.
     """
     path = Path(folder) / CONFIG
     try:
-        text = path.read_text(encoding="utf-8")
+        text = content_of(path, "settings of a run", RunFolderError, LONGEST).decode()
         data = read_yaml(text)
         if not isinstance(data, Mapping):
             raise ConfigError("it holds no settings")
-        require_trust(path, text, data, trusted)
+        data = settings_of_file(path, data, trusted, text)
         if not own_packages(data):
-            data = {**data, "module_path": ()}  # nobody else's folders are looked into without need
+            data = {**data, "module_path": ()}  # no folder is looked into without need
         return run_config(data)
     except RunFolderError:
         raise
-    except OSError as error:
-        raise RunFolderError(f"cannot read the settings of a run from {path.resolve()}: {error.strerror}") from error
     except ValueError as error:
         raise RunFolderError(f"cannot read the settings of a run from {path}: {error}") from error
 
@@ -288,13 +297,13 @@ def read_summary(folder: Path) -> dict[str, Any]:
     path = Path(folder) / SUMMARY
     if not path.exists():
         raise RunFolderError(f"the run in {folder} is not finished: there is no {SUMMARY}")
-    return json.loads(path.read_bytes())
+    return read_json(path)
 
 
 def read_evaluation(place: Path) -> dict[str, Any] | None:
     """The summary of an evaluation, whose folder is in ``evaluations/`` of a run; None where there is none."""
     path = Path(place) / SUMMARY
-    return json.loads(path.read_bytes()) if path.exists() else None
+    return read_json(path) if path.exists() else None
 
 
 def of_another_agent(folder: Path, evaluation: Mapping[str, Any]) -> str:
@@ -308,30 +317,23 @@ def of_another_agent(folder: Path, evaluation: Mapping[str, Any]) -> str:
 
 def read_versions(folder: Path) -> dict[str, Any]:
     """Libraries, commit, code fingerprint and level hashes of the run."""
-    return json.loads((Path(folder) / VERSIONS).read_bytes())
+    return read_json(Path(folder) / VERSIONS)
 
 
 def read_episodes(folder: Path) -> pa.Table:
     """The evaluation episodes, :data:`EPISODE_SCHEMA`."""
-    return pq.read_table(Path(folder) / EPISODES)
+    return read_table(Path(folder) / EPISODES)
 
 
 def read_metrics(folder: Path) -> pa.Table:
     """The figures over time, :data:`METRIC_SCHEMA`; raises :class:`RunFolderError` if they are not readable."""
-    return _read_table(Path(folder) / METRICS, "the figures of a run")
+    return read_table(Path(folder) / METRICS)
 
 
 def read_played(folder: Path) -> pa.Table:
     """Which levels were played in each interval, :data:`experiments.curricula.played_log.PLAYED_SCHEMA`; raises
     :class:`RunFolderError` if that is not readable, as in the folder of a run without a curriculum and with a fixed set."""
-    return _read_table(Path(folder) / PLAYED, "which levels a run played")
-
-
-def _read_table(path: Path, what: str) -> pa.Table:
-    try:
-        return pq.read_table(path)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise RunFolderError(f"cannot read {what} from {path}: {error}") from error
+    return read_table(Path(folder) / PLAYED)
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> None:

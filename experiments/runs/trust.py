@@ -1,4 +1,4 @@
-"""Which run folders were made here, and whose code the settings of others may bring in.
+"""Which files were written here, and whose code the settings of others may bring in.
 
 The settings of a run may name modules of its author's. Reading a run imports them, so a folder from somebody else could run any
 code. The settings are therefore signed with a key of this user's own, which is made once and lies beside the compiled kernels.
@@ -14,14 +14,13 @@ from typing import Any
 
 from filelock import FileLock
 
-from experiments.runs.own_modules import OURS, modules_named
+from experiments.runs.own_modules import MODULE_PATH, names_in
 from experiments.settings import RunFolderError
 from segar.errors import SegarError
-from segar.support import private_cache_folder
+from segar.support import EVERYTHING, private_cache_folder
 
 SIGNATURE = "# signature: "
 TRUSTED = "SEGAR_TRUST"  # packages that the user trusts, separated by commas; * for all
-EVERYTHING = "*"
 
 
 def signed(text: str) -> str:
@@ -29,26 +28,33 @@ def signed(text: str) -> str:
     return f"{text}{SIGNATURE}{_signature(text)}\n"
 
 
-def require_trust(path: Path, text: str, settings: Mapping[str, Any], trusted: Collection[str] = ()) -> None:
-    """Raises :class:`RunFolderError` if settings that this user did not write name modules of packages that are not trusted.
+def settings_of_file(
+    path: Path, settings: Mapping[str, Any], trusted: Collection[str] = (), text: str = ""
+) -> Mapping[str, Any]:
+    """The settings in a file, as far as they may be used: those of this user as they are, and those of others without the
+    folders of their modules, unless everything is trusted.
 
     Args:
-        path, text, settings: the file, its content, and the data in it.
+        path, settings, text: the file, the data in it, and its content, where that is signed.
         trusted: names of modules or packages, or ``*`` for all; those in ``$SEGAR_TRUST`` are trusted, too.
+
+    Raises:
+        RunFolderError: settings of others name Python objects of packages that are not trusted. SEGAR's own are not unless
+            the user says so: what the registries have needs no such name.
     """
     content, _, signature = text.rpartition(SIGNATURE)
-    if hmac.compare_digest(signature.strip(), _signature(content)):
-        return
-    allowed = {*trusted, *filter(None, os.environ.get(TRUSTED, "").split(",")), *OURS}
-    outside = sorted(
-        {name for name in modules_named(settings) if not {name, name.partition(".")[0], EVERYTHING} & allowed}
-    )
+    allowed = {*trusted, *filter(None, os.environ.get(TRUSTED, "").split(","))}
+    if EVERYTHING in allowed or hmac.compare_digest(signature.strip().encode(), _signature(content).encode()):
+        return settings
+    outside = {place: name for place, name in names_in(settings) if not name.is_trusted(allowed)}
     if outside:
-        packages = sorted({name.partition(".")[0] for name in outside})
+        names = ", ".join(f"{name} ({place})" for place, name in outside.items())
+        packages = ",".join(sorted({EVERYTHING if name.is_in_file else name.package for name in outside.values()}))
         raise RunFolderError(
-            f"{path} was not written by you on this machine, and names code that would be imported: {', '.join(outside)}."
-            f" If you trust it, set {TRUSTED}={','.join(packages)} (experiments.evaluate: trust=true)"
+            f"{path} was not written by you on this machine, and names code that would be imported: {names}. If you trust"
+            f" it, set {TRUSTED}={packages} (experiments.evaluate, experiments.benchmark: trust=true)"
         )
+    return {key: value for key, value in settings.items() if key != MODULE_PATH}
 
 
 def _signature(text: str) -> str:

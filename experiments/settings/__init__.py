@@ -64,12 +64,12 @@ from experiments.settings.from_data import construct, flat, run_config
 from experiments.settings.grid import GridPoint, config_at, design, design_hash, grid_point, panel_parts
 from experiments.settings.imported_sources import imported_from
 from experiments.settings.own_code import (
-    OBJECT_NAME,
     add_module_path,
     class_named,
     import_object,
     is_level_file,
     level_file,
+    name_of_target,
     without_files,
     without_folder,
 )

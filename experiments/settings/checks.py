@@ -12,8 +12,8 @@ from types import UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 from experiments.settings.errors import ConfigError
-from experiments.settings.own_code import OBJECT_NAME
 from segar.errors import did_you_mean
+from segar.support import object_name
 
 DESIGNS = ("iid", "clustered", "covering", "nuisance_only")  # kinds of segar.design that need no test levels
 # Training sets that are like independent ones or unlike them in distance, and in coverage: in standard deviations of the
@@ -53,7 +53,7 @@ def require_design(place: str, name: str) -> None:
     ``rule_sets_10`` are levels that share ten rule sets; ``rule_sets_10_near`` and ``rule_sets_10_far`` pick them.
     """
     target = TARGET_DESIGN.fullmatch(name)
-    if OBJECT_NAME.fullmatch(name) or RULE_SETS_DESIGN.fullmatch(name):
+    if object_name(name) or RULE_SETS_DESIGN.fullmatch(name):
         return
     if target is None and name.startswith("rule_sets"):
         raise ConfigError(f"{place}: '{name}' says no number of rule sets; rule_sets_10 does, and rule_sets_10_near")

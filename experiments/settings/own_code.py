@@ -15,12 +15,8 @@ from typing import Any, TypeVar
 
 from experiments.settings.errors import ConfigError
 from segar.errors import SegarError
-from segar.support import module_in_file, named_object
+from segar.support import module_in_file, named_object, object_name, opened, resolve
 
-ATTRIBUTE = r"[A-Za-z_][\w.]*"
-OBJECT_NAME = re.compile(rf"([A-Za-z_][\w.]*):{ATTRIBUTE}")
-"""The form of the names of users' own objects, ``module:attribute``."""
-FILE_OBJECT = re.compile(rf"(.+\.py):({ATTRIBUTE})")
 LEVEL_FILE = re.compile(r"(.+\.(?:npz|json))(?:#([0-9a-f]{8}))?")
 
 
@@ -46,9 +42,9 @@ def without_files(settings: Any, place: str = "", folder: Path | None = None) ->
         return [without_files(one, place, folder) for one in settings]
     if not isinstance(settings, str):
         return settings
-    if found := FILE_OBJECT.fullmatch(settings):
+    if (own := object_name(settings)) and own.is_in_file:
         try:
-            return f"{module_in_file((folder or Path()) / Path(found[1]).expanduser())}:{found[2]}"
+            return f"{module_in_file((folder or Path()) / Path(own.module).expanduser())}:{own.attribute}"
         except SegarError as error:
             raise ConfigError(f"{place}: {error}") from error
     if (found := LEVEL_FILE.fullmatch(settings)) and found[2] is None:
@@ -85,10 +81,10 @@ def without_folder(name: str) -> str:
 def file_fingerprint(path: Path, place: str) -> str:
     """Eight hexadecimal digits of a file's content; raises :class:`ConfigError` if it cannot be read."""
     try:
-        with path.open("rb") as stream:
+        with opened(path, "level file", ConfigError) as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()[:8]
-    except OSError as error:
-        raise ConfigError(f"{place}: cannot read {path}: {error.strerror}") from error
+    except ConfigError as error:
+        raise ConfigError(f"{place}: {error}") from error
 
 
 def add_module_path(folders: Iterable[str]) -> None:
@@ -99,18 +95,23 @@ def add_module_path(folders: Iterable[str]) -> None:
         importlib.invalidate_caches()
 
 
-def import_object(name: str, place: str) -> Any:
-    """The object that ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
+def import_object(name: str, place: str, what: str = "", known: Mapping[str, Any] | None = None) -> Any:
+    """What the registry ``known``, of things that are each a ``what``, has of a name, else the object that
+    ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
     try:
-        return named_object(name)
+        return named_object(name) if known is None else resolve(name, known, what)
     except SegarError as error:
         raise ConfigError(f"{place}: {error}") from error
 
 
+def name_of_target(target: str) -> str:
+    """An import path, ``module.Class``, as ``module:Class``."""
+    return ":".join(target.rpartition(".")[::2])
+
+
 def class_named(target: str, base: type[T], place: str) -> type[T]:
     """The sub-class of ``base`` that an import path, ``module.Class``, names; raises :class:`ConfigError`."""
-    module, _, name = target.rpartition(".")
-    cls = import_object(f"{module}:{name}", place)
+    cls = import_object(name_of_target(target), place)
     if not (isinstance(cls, type) and issubclass(cls, base)):
         raise ConfigError(f"{place}: '{target}' is not a sub-class of experiments.settings.{base.__name__}")
     return cls

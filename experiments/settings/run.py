@@ -38,10 +38,11 @@ from experiments.settings.checks import (
     that,
 )
 from experiments.settings.curricula import CURRICULA, CurriculumConfig
-from experiments.settings.own_code import OBJECT_NAME, is_level_file, without_folder
+from experiments.settings.own_code import is_level_file, without_folder
 from experiments.settings.processor import multiplies_bf16
 from segar.levels import TASK_LEVELS, families, family
 from segar.suites import suites
+from segar.support import object_name
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ACTION_MODES = ("deterministic", "sampled")  # of evaluation
@@ -67,7 +68,7 @@ def named_distributions() -> tuple[str, ...]:
 def is_distribution(name: str) -> bool:
     """Whether ``name`` is that of one level distribution (``empty-hard``, ``billiards``, ``module:attribute``, a level file)
     rather than of a family, which has several difficulties."""
-    return name in named_distributions() or is_level_file(name) or OBJECT_NAME.fullmatch(name) is not None
+    return name in named_distributions() or is_level_file(name) or object_name(name) is not None
 
 
 Family = Annotated[str, require_family]

@@ -42,6 +42,8 @@ def read_yaml(text: str) -> Any:
     except yaml.MarkedYAMLError as error:
         line = "" if error.problem_mark is None else f"line {error.problem_mark.line + 1}: "
         raise ConfigError(f"{line}{error.problem or 'it is no YAML'}{_tabs(text, error)}") from error
+    except RecursionError:
+        raise ConfigError("it is nested too deeply") from None
     except yaml.YAMLError as error:  # characters that no YAML may hold
         raise ConfigError(str(error).replace("\n", ", ")) from error
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments.runs.files import read_json
 from experiments.runs.run_folder import (
     EPISODES,
     LEVELS_TEST,
@@ -209,4 +210,4 @@ def tags_of(config: RunConfig) -> dict[str, str]:
 def read_sync_state(folder: Path, name: str = SYNC_STATE) -> SyncState | None:
     """How much of the run in ``folder`` was sent, by the file of this name; None where nothing was."""
     path = folder / name
-    return SyncState(**json.loads(path.read_bytes())) if path.exists() else None
+    return SyncState(**read_json(path)) if path.exists() else None

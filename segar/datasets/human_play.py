@@ -14,7 +14,7 @@ from segar.language import Task
 from segar.levels import Levels, levels_from_data
 from segar.observations import leaves
 from segar.rules import World
-from segar.support import __version__, check_form, check_size, read_handwritten_json, shown
+from segar.support import __version__, check_form, check_size, from_handwritten_json, json_in, shown
 from segar.tasks import task_of
 
 FORMAT, VERSION = "segar-play", 1
@@ -45,7 +45,7 @@ def read_play(
             another return or end when its actions are played again.
     """
     path = Path(path)
-    data = read_handwritten_json(path, "a recording of play", SegarError)
+    data = json_in(path, "a recording of play", SegarError, from_handwritten_json)
     check_form(str(path), data, "a recording of play", FORMAT, VERSION, FORM, SegarError)
     levels = levels_from_data(data["levels"], path, "levels.", world)
     try:

@@ -19,7 +19,7 @@ from segar.envs import REWARDS, Policy, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation import require_options
 from segar.levels import Levels, family, hash_of_levels
-from segar.support import from_json, is_whole, locked, need, replacing
+from segar.support import is_whole, json_in, locked, need, replacing
 from segar.tasks import TASKS
 
 RECIPE = "recipe.json"
@@ -158,7 +158,9 @@ def _unfinished(dataset_id: str, recipe: Recipe) -> Iterator[Path]:
     with locked(folder, SegarError, "wait until it has recorded, or choose another name"):
         begun = folder / RECIPE
         if begun.exists():
-            recipe_from(from_json(begun.read_bytes()), str(begun)).require_same(recipe, f"{folder} holds a recording")
+            recipe_from(json_in(begun, "a recipe", SegarError), str(begun)).require_same(
+                recipe, f"{folder} holds a recording"
+            )
         else:
             with replacing(begun, "the recipe") as beside:
                 beside.write_text(json.dumps(asdict(recipe), indent=1) + "\n", encoding="utf-8")

@@ -12,9 +12,10 @@ import numpy as np
 
 from segar.errors import LevelError, did_you_mean
 from segar.language import Entity, GlobalFriction, Layout, Parameter, Slot, all_subclasses
-from segar.levels.level_data import LevelData, Provenance
+from segar.levels.level_data import SPLIT, LevelData, Provenance
 from segar.levels.moments import Moments, source_moments
 from segar.rules import World
+from segar.support import shown
 
 ORIGIN = ("name", "distribution", "seed", "split")
 CLASS = {"name": str, "module": str, "qualname": str}
@@ -100,6 +101,9 @@ def origin_of(description: Mapping[str, Any], layout: Layout, indices: np.ndarra
     Raises:
         LevelError: the moments do not fit the layout.
     """
+    split = description["provenance"]["split"]
+    if split and not SPLIT.fullmatch(split):
+        raise LevelError(f"{path}: provenance.split: {shown(split)} names no split; it must be a word such as 'train'")
     provenance = Provenance(
         **{name: description["provenance"][name] for name in ORIGIN},
         version=description["version"],
@@ -137,25 +141,29 @@ def _moments(description: Mapping[str, Any], layout: Layout, path: Path) -> Mome
 
 
 def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: Path) -> type:
-    """The class of that module and name, else the only class of that name; the last defined one of several.
-
-    A class of this package is found by its name in whatever module it stands now: modules may move.
+    """The class of that module and name, else the only class of that name on the same side, SEGAR's or the user's: modules
+    may move; the last defined one of several. A user's class never stands for a built-in one, nor the other way round:
+    they are different things of one name.
     """
     classes = list(classes)
     same_name = [c for c in classes if c.__name__ == address["name"]]
     exact = [c for c in same_name if (c.__module__, c.__qualname__) == (address["module"], address["qualname"])]
-    if address["module"].startswith("segar."):
-        exact += [c for c in same_name if c.__module__.startswith("segar.")]
-    if exact or len(set(same_name)) == 1:
-        return (exact or same_name)[-1]
+    same_side = [c for c in same_name if _is_built_in(c.__module__) == _is_built_in(address["module"])]
+    if exact or len(set(same_side)) == 1:
+        return (exact or same_side)[-1]
     if same_name:
         modules = ", ".join(sorted({c.__module__ for c in same_name}))
         raise LevelError(
-            f"{path}: several {kind}s are called '{address['name']}' ({modules}), and none is that of"
-            f" {address['module']}; import that module before loading"
+            f"{path}: it holds the {kind} '{address['name']}' of {address['module']}, and here that name is of {modules};"
+            f" import {address['module']} before loading"
         )
     raise LevelError(
         f"{path} holds the {kind} '{address['name']}', which is not defined; import {address['module']}, or define it,"
         f" before loading (on the command line: --world {address['module']}:...)."
         f"{did_you_mean(address['name'], [c.__name__ for c in classes])}"
     )
+
+
+def _is_built_in(module: str) -> bool:
+    """Whether a module is one of this package."""
+    return module.startswith("segar.")

@@ -17,7 +17,7 @@ from segar.language import Entity, Factor, GlobalFriction, Layout, Parameter, Sl
 from segar.levels.apart import check_within, near_levels
 from segar.levels.explanation import Explanation, explain
 from segar.levels.hashing import content_hash
-from segar.levels.level_data import LevelData, Provenance, layout_on_floor
+from segar.levels.level_data import SPLIT, LevelData, Provenance, layout_on_floor
 from segar.levels.level_set import Levels
 from segar.levels.priors import Prior, check_priors
 from segar.levels.probability.entropy import acceptance, acceptance_of, entropy, log_acceptance
@@ -136,8 +136,10 @@ class LevelDistribution:
             raise LevelError(f"{self}: the number of levels must be a whole number above 0, not {n!r}")
         if not is_whole(seed):
             raise LevelError(f"{self}: the seed must be a whole number, not {seed!r}")
-        if not isinstance(split, str):
-            raise LevelError(f"{self}: the split must be a text such as 'train' or 'test', not {split!r}")
+        if not isinstance(split, str) or not SPLIT.fullmatch(split):
+            raise LevelError(
+                f"{self}: the split must be a word such as 'train' or 'test' (letters, digits, spaces, _ . -), not {split!r}"
+            )
         self._check_room(int(n))
         if not is_whole(start) or not 0 <= start <= MOST_LEVELS - n:
             raise LevelError(f"{self}: the start must be the index of a level, a whole number from 0 up, not {start!r}")

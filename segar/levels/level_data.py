@@ -7,6 +7,7 @@ levels through modules that take the fields as arguments.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -16,6 +17,8 @@ import numpy as np
 from segar.language import BUILT_IN_PARAMETERS, HULL, BaseShape, GlobalFriction, Layout, Parameter, Slot
 from segar.rules import World
 
+SPLIT = re.compile(r"\w([\w .-]{0,98}\w)?")
+"""What the names of splits are made of, which may become parts of the names of files."""
 LEVEL_ARRAYS = (
     "types",
     "values",

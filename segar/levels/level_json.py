@@ -19,7 +19,7 @@ from segar.levels.description import DESCRIPTION, description_of, layout_of, ori
 from segar.levels.level_data import Block, LevelData
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
-from segar.support import __version__, check_form, check_size, read_handwritten_json, replacing, shown
+from segar.support import __version__, check_form, check_size, from_handwritten_json, json_in, replacing, shown
 
 SUFFIX = ".json"
 FORMAT, VERSION = "segar-levels", 1
@@ -76,7 +76,7 @@ def read_json(path: Path, world: World | None) -> dict[str, Any]:
     Raises:
         LevelError: there is no such file, it is no JSON, or as :func:`fields_of`.
     """
-    data = read_handwritten_json(path, "a level file in JSON", LevelError)
+    data = json_in(path, "a level file in JSON", LevelError, from_handwritten_json)
     return fields_of(data, path, "", world)
 
 

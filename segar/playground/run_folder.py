@@ -15,8 +15,8 @@ from segar.language import Task
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, trained_on
 from segar.policies import NETWORK_FILE, Network
-from segar.support import DAMAGE, first_line, misfit, need, shown
-from segar.tasks import TASKS, make_task, task_of
+from segar.support import DAMAGE, content_of, first_line, misfit, need, opened, resolve, shown
+from segar.tasks import make_task, task_of
 
 CONFIG, LEVELS_TRAIN, PROBES = "config.yaml", "levels_train.npz", "probes.parquet"  # files of a run folder
 IN_EVALUATIONS = f"evaluations/*/{NETWORK_FILE}"
@@ -26,6 +26,7 @@ PART = {"name": str, "options?": (dict, None)}
 SETTINGS = {"observation": PART, "task?": PART}
 OF_LEVELS, PUTTPUTT = "levels", "puttputt"  # the task of the levels, and of levels that name none
 MOST_ROWS = 100_000  # of a table of probes
+LONGEST = 2**20  # [bytes] of the settings of a run
 
 
 @dataclass(frozen=True)
@@ -99,10 +100,11 @@ def _settings(path: Path) -> dict[str, Any]:
     need("reading the settings of a run", "yaml")
     import yaml
 
+    text = content_of(path, "settings of a run", SegarError, LONGEST)
     try:
-        settings = yaml.safe_load(path.read_text(encoding="utf-8"))
+        settings = yaml.safe_load(text.decode())
         wrong = misfit(settings, SETTINGS)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         wrong = first_line(error)
     if wrong:
         raise SegarError(
@@ -115,12 +117,10 @@ def _observation(path: Path, settings: Mapping[str, Any]) -> dict[str, Observati
     """What the agent of a run observes, by its name in the settings."""
     advice = "say what the policy reads by --observation"
     name, options = settings["observation"]["name"], settings["observation"].get("options") or {}
-    if name not in OBSERVATIONS:
-        raise SegarError(f"{path}: the observation {shown(name)} is not one of SEGAR, and is not imported; {advice}")
     try:
-        return {name: OBSERVATIONS[name](**options)}
+        return {name: resolve(name, OBSERVATIONS, "observation", ())(**options)}
     except (TypeError, SegarError) as error:
-        raise SegarError(f"{path}: the observation '{name}' cannot be made: {error}; {advice}") from error
+        raise SegarError(f"{path}: the observation {shown(name)} cannot be made ({error}); {advice}") from error
 
 
 def _task(path: Path, settings: Mapping[str, Any], levels: Levels, wanted: str | None) -> Task | None:
@@ -131,14 +131,11 @@ def _task(path: Path, settings: Mapping[str, Any], levels: Levels, wanted: str |
     name = (levels.task or PUTTPUTT) if said["name"] == OF_LEVELS else said["name"]
     if wanted is not None:
         return make_task(wanted, said.get("options") if wanted == name else None)
-    if name not in (*TASKS, levels.task):
-        raise SegarError(
-            f"{path}: the task {shown(name)} is not that of the levels, and is not imported; name it by --task"
-        )
+    options = said.get("options")
     try:
-        return make_task(name, said.get("options")) if name in TASKS else task_of(levels, said.get("options"))
+        return task_of(levels, options) if name == levels.task else make_task(name, options, trusted=())
     except SegarError as error:
-        raise SegarError(f"{path}: the task '{name}' cannot be made: {error}") from error
+        raise SegarError(f"{path}: the task {shown(name)} cannot be made: {error}") from error
 
 
 def _probes(path: Path) -> dict[str, tuple[float, float, float]]:
@@ -147,17 +144,17 @@ def _probes(path: Path) -> dict[str, tuple[float, float, float]]:
     from pyarrow import ArrowException, parquet
 
     advice = "probe the run again, or take the file out of the folder"
-    try:
-        with parquet.ParquetFile(path) as file:
-            rows = file.metadata.num_rows
-        if rows <= MOST_ROWS:
-            is_shown = [(column, "==", value) for column, value in SHOWN.items()]
-            table = parquet.read_table(path, columns=["factor", *NUMBERS], filters=is_shown)
-            rows_shown = [[one[name] for name in ("factor", *NUMBERS)] for one in table.to_pylist()]
-            known = [
-                row for row in rows_shown if None not in row and all(map(math.isfinite, row[1:]))
-            ]  # of what varies
-            return {str(factor): (float(r2), float(low), float(high)) for factor, r2, low, high in known}
-    except (ArrowException, *DAMAGE) as cause:
-        raise SegarError(f"{path} holds no probes of a run: {first_line(cause)}; {advice}") from cause
+    with opened(path, "table of probes", SegarError) as stream:
+        try:
+            rows = parquet.ParquetFile(stream).metadata.num_rows
+            if rows <= MOST_ROWS:
+                is_shown = [(column, "==", value) for column, value in SHOWN.items()]
+                table = parquet.read_table(stream, columns=["factor", *NUMBERS], filters=is_shown)
+                rows_shown = [[one[name] for name in ("factor", *NUMBERS)] for one in table.to_pylist()]
+                known = [
+                    row for row in rows_shown if None not in row and all(map(math.isfinite, row[1:]))
+                ]  # of what varies
+                return {str(factor): (float(r2), float(low), float(high)) for factor, r2, low, high in known}
+        except (ArrowException, *DAMAGE) as cause:
+            raise SegarError(f"{path} holds no probes of a run: {first_line(cause)}; {advice}") from cause
     raise SegarError(f"{path} has {rows:,} rows, and a table of probes {MOST_ROWS:,} at most; {advice}")

@@ -11,7 +11,7 @@ from segar.language import Task
 from segar.queries.kinds import KINDS
 from segar.queries.question import Question, question_of
 from segar.rules import World
-from segar.support import from_json, misfit, replacing, shown
+from segar.support import content_of, from_json, misfit, replacing, shown
 
 ANSWER = {"id": str, "answer": object}
 
@@ -99,10 +99,7 @@ def _line(data: Mapping[str, Any]) -> str:
 
 def _lines_of(path: Path, kind: str) -> Iterator[tuple[int, Any]]:
     """The numbers of the lines of a file that are not empty, and the data in them."""
-    try:
-        lines = path.read_bytes().splitlines()
-    except OSError as error:
-        raise SegarError(f"cannot read the {kind} {path}: {error.strerror or error}") from error
+    lines = content_of(path, kind, SegarError).splitlines()
     if not any(line.strip() for line in lines):
         raise SegarError(f"{path} is no {kind}: it is empty")
     for number, line in enumerate(lines, 1):

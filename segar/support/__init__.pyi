@@ -40,6 +40,8 @@ from .files import (
     replacing as replacing,
 )
 from .imports import (
+    EVERYTHING as EVERYTHING,
+    ObjectName as ObjectName,
     has_pygame as has_pygame,
     installed_version as installed_version,
     made as made,
@@ -48,22 +50,25 @@ from .imports import (
     named_or_made as named_or_made,
     need as need,
     need_pygame as need_pygame,
+    object_name as object_name,
+    resolve as resolve,
 )
 from .json_forms import (
     check_form as check_form,
+    from_handwritten_json as from_handwritten_json,
     from_json as from_json,
     misfit as misfit,
-    read_handwritten_json as read_handwritten_json,
+    json_in as json_in,
     shown as shown,
 )
 from .npz import (
     DAMAGE as DAMAGE,
     Form as Form,
-    check_size as check_size,
     first_line as first_line,
     open_npz as open_npz,
 )
 from .optimal_transport import emd as emd, plan_of as plan_of, pot as pot
+from .reading import check_size as check_size, content_of as content_of, opened as opened
 from .text_table import aligned as aligned, counted as counted
 from .threads import Team as Team
 from .version import __version__ as __version__

@@ -18,7 +18,8 @@ from filelock import FileLock, Timeout
 
 from segar.errors import SegarError
 from segar.support.json_forms import from_json, misfit
-from segar.support.npz import LIMIT, Form, first_line, open_npz
+from segar.support.npz import Form, first_line, open_npz
+from segar.support.reading import LIMIT, kind_of
 from segar.support.version import __version__
 
 UNFINISHED = ".writing-"  # how the names of unfinished files begin
@@ -26,13 +27,6 @@ LONGEST_DESCRIPTION = 8 * 2**20  # [bytes] of an archive; those of the largest w
 LOCK = ".lock"
 LOCK_TIMEOUT = 0.5  # [s]; longer than another process holds the lock to see whether it is free
 PRIVATE = 0o600  # mode of what will replace a file, which may be one that only its owner reads
-KINDS = {
-    stat.S_ISDIR: "a folder",
-    stat.S_ISCHR: "a device",
-    stat.S_ISBLK: "a device",
-    stat.S_ISFIFO: "a pipe",
-    stat.S_ISSOCK: "a socket",
-}
 
 
 @contextmanager
@@ -59,7 +53,7 @@ def replacing(
     """
     try:
         there = _status(path)
-        kind = None if there is None else _kind(there.st_mode)
+        kind = None if there is None else kind_of(there.st_mode)
         if kind is not None:
             raise error(f"{what} cannot be written to {path}: it is {kind} and no file; name a file")
         target = Path(os.path.realpath(path))
@@ -120,13 +114,6 @@ def _status(path: Path) -> os.stat_result | None:
         raise OSError(errno.EINVAL, str(cause)) from cause
 
 
-def _kind(mode: int) -> str | None:
-    """What has this mode, in words; None for a regular file."""
-    if stat.S_ISREG(mode):
-        return None
-    return next((name for is_it, name in KINDS.items() if is_it(mode)), "something else")
-
-
 @contextmanager
 def _unfinished(folder: Path, suffix: str, mode: int) -> Iterator[Path]:
     """A new file in a folder, locked so that others see that its maker is alive; removed at the end if it is still there."""
@@ -179,7 +166,7 @@ class ArchiveFormat:
         contents, file: words for messages: what the archive holds and what it is, e.g. ``levels`` and ``level file``.
         error: the class of the errors that reading and writing raise.
         limit: [bytes] to which a file may expand when it is read, if it is not large itself; see
-            :func:`segar.support.npz.file_limit`.
+            :func:`segar.support.reading.file_limit`.
     """
 
     name: str

@@ -7,13 +7,76 @@ import inspect
 import os
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from importlib.machinery import PathFinder
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from segar.errors import SegarError, did_you_mean
+from segar.support.json_forms import shown
+
+EVERYTHING = "*"
+"""Among trusted packages: all of them, as where a user names an object herself."""
+
+
+class ObjectName(NamedTuple):
+    """The name of a Python object: a module, or the path of its file, and an attribute, which may have dots."""
+
+    module: str
+    attribute: str
+
+    def __str__(self) -> str:
+        return ":".join(self)
+
+    @property
+    def is_in_file(self) -> bool:
+        """Whether the file is named in place of the module."""
+        return self.module.endswith(".py")
+
+    @property
+    def package(self) -> str:
+        """The package of the module, or the module where it is in none."""
+        return self.module.partition(".")[0]
+
+    def is_trusted(self, trusted: Collection[str]) -> bool:
+        """Whether the module, or a package that it is in, is among those that are trusted; a file is where everything is."""
+        parts = [] if self.is_in_file else self.module.split(".")
+        return not {EVERYTHING, *(".".join(parts[: k + 1]) for k in range(len(parts)))}.isdisjoint(trusted)
+
+
+def object_name(text: str) -> ObjectName | None:
+    """What ``module:attribute`` or ``folder/file.py:attribute`` names; None for a text that names no Python object.
+
+    Nothing is imported by a text of which this is None, so checks of texts ask this function.
+    """
+    found = ObjectName(*text.rpartition(":")[::2])
+    parts = found.attribute.split(".") + ([] if found.is_in_file else found.module.split("."))
+    return found if all(part.isidentifier() for part in parts) else None
+
+
+def resolve(name: str, known: Mapping[str, Any], what: str, trusted: Collection[str] = (EVERYTHING,)) -> Any:
+    """What a name stands for: what the registry ``known`` has of it, else the Python object that it names.
+
+    Args:
+        what: the kind of things in the registry, for messages, as "task".
+        trusted: modules and packages whose objects may be named. There are none where the name stands in a file, which
+            somebody else may have written: it reaches the registry alone.
+
+    Raises:
+        SegarError: there is no such thing, or its module is not trusted; or as :func:`named_object`.
+    """
+    if name in known:
+        return known[name]
+    found = object_name(name)
+    near = did_you_mean(name, known)
+    if found is None and trusted:
+        raise SegarError(f"no {what} is called {shown(name)}.{near} One of your own is 'module:attribute'")
+    if found is None or not found.is_trusted(trusted):
+        raise SegarError(
+            f"the {what} {shown(name)} is not built in, and a file imports no code; give it by {what}= or --{what}.{near}"
+        )
+    return named_object(name)
 
 
 def named_object(name: str) -> Any:
@@ -21,18 +84,17 @@ def named_object(name: str) -> Any:
 
     Raises:
         SegarError: the name has another form, the module cannot be imported (the message says where it went wrong), or it has
-            no such attribute.
+            no such attribute of its own.
     """
-    module, _, attribute = name.rpartition(":")
-    if module.endswith(".py") and attribute:
-        module = module_in_file(Path(module))
-    if not attribute or not all(part.isidentifier() for part in module.split(".")):
+    named = object_name(name)
+    if named is None:
         raise SegarError(f"'{name}' does not name a Python object; write module:attribute, or file.py:attribute")
+    module = module_in_file(Path(named.module)) if named.is_in_file else named.module
     try:
         found: Any = importlib.import_module(_same_file(module))
     except Exception as error:  # the module is the user's, and may go wrong in any way
         raise SegarError(f"'{name}' cannot be imported: {_reason(error)}") from error
-    for part in attribute.split("."):
+    for part in named.attribute.split("."):
         if not hasattr(found, part):
             public = [
                 one
@@ -41,7 +103,18 @@ def named_object(name: str) -> Any:
             ]
             raise SegarError(f"'{module}' has no '{part}'.{did_you_mean(part, public)}")
         found = getattr(found, part)
+        _require_own(name, module.partition(".")[0], found)
     return found
+
+
+def _require_own(name: str, package: str, found: Any) -> None:
+    """Raise :class:`SegarError` for a module of another package, and for what is Python's: whoever trusts a package does not
+    trust what it imports."""
+    is_module = inspect.ismodule(found)
+    home = found.__name__ if is_module else str(getattr(found, "__module__", package))
+    top, there = home.partition(".")[0], getattr(sys.modules.get(home), getattr(found, "__name__", ""), None)
+    if top != package and (is_module or (top in sys.stdlib_module_names and there is found)):
+        raise SegarError(f"'{name}' leads into {home}, which {package} only imports; name what is of {package} itself")
 
 
 def module_in_file(file: Path) -> str:

@@ -3,12 +3,13 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from segar.errors import SegarError, did_you_mean
 from segar.support.npz import first_line
+from segar.support.reading import LIMIT, content_of
 
 LARGEST_INTEGER = 2**64  # in size; larger ones have no place in an array
 LONGEST_SHOWN = 60  # [characters] of a wrong value in a message
@@ -44,17 +45,23 @@ def from_handwritten_json(text: bytes) -> Any:
         raise ValueError("it is nested too deeply") from None
 
 
-def read_handwritten_json(path: Path, kind: str, error: type[SegarError]) -> Any:
-    """The data in a JSON file that people may have written; ``kind`` says what it should be, as "a level file".
+def json_in(
+    path: Path, kind: str, error: type[SegarError], parse: Callable[[bytes], Any] = from_json, limit: int = LIMIT
+) -> Any:
+    """The data in a JSON file.
+
+    Args:
+        kind: what it should be, as "a level file".
+        parse: the function for its text; :func:`from_handwritten_json` where people may have written it.
+        limit: [bytes] that it may have; see :func:`segar.support.reading.content_of`.
 
     Raises:
-        SegarError: of the class ``error``: there is no such file, or it is no JSON.
+        SegarError: of the class ``error``: there is no such file, it is too large, or it is no JSON.
     """
-    if not path.exists():
-        raise error(f"there is no {kind.removeprefix('a ').removesuffix(' in JSON')} {path}")
+    text = content_of(path, kind.removeprefix("a ").removesuffix(" in JSON"), error, limit)
     try:
-        return from_handwritten_json(path.read_bytes())
-    except (ValueError, OSError) as cause:
+        return parse(text)
+    except ValueError as cause:
         raise error(f"{path} is not {kind}, or only part of one: {first_line(cause)}") from cause
 
 

@@ -1,7 +1,6 @@
 """Reading npz archives that others made: headers are checked before anything is expanded, and nothing is unpickled."""
 
 import math
-import os
 import struct
 import tokenize
 import zipfile
@@ -16,10 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from segar.errors import SegarError
+from segar.support.reading import LIMIT, check_size, opened
 
-LIMIT = 256 * 2**20  # [bytes] to which a small file may expand
-RATIO = 100  # a larger file may expand to so many times its size; level files take a seventh to a thirtieth
-LIMIT_VARIABLE = "SEGAR_FILE_LIMIT"  # [MB] the environment variable that says another limit
 LONGEST_HEADER = 4096  # [characters]; numpy writes 118
 # What zipfile and numpy raise on bytes that nobody wrote; the lists were found by flipping bytes and by crafted headers.
 DAMAGE = (
@@ -148,46 +145,17 @@ def open_npz(path: Path, file: str, error: type[SegarError], limit: int = LIMIT)
     Raises:
         error: there is no such file, it is no archive, an array stands twice in it, or it is encrypted.
     """
-    if not path.exists():
-        raise error(f"there is no {file} {path}")
-    try:
-        archive = zipfile.ZipFile(path)
-    except DAMAGE as cause:
-        reason = "" if isinstance(cause, zipfile.BadZipFile) else f" ({first_line(cause)})"
-        raise error(f"{path} is not a {file}, or only part of one; save or copy it again{reason}") from cause
-    with archive:
-        opened = Npz(path, archive, file, error, limit)
+    with opened(path, file, error) as stream:
+        try:
+            archive = zipfile.ZipFile(stream)
+        except DAMAGE as cause:
+            reason = "" if isinstance(cause, zipfile.BadZipFile) else f" ({first_line(cause)})"
+            raise error(f"{path} is not a {file}, or only part of one; save or copy it again{reason}") from cause
+        npz = Npz(path, archive, file, error, limit)
         twice = [name for name, count in Counter(archive.namelist()).items() if count > 1]
         if twice:
-            raise opened._damaged(f"'{twice[0]}' stands in it twice")
-        yield opened
-
-
-def check_size(path: Path, size: int, file: str, error: type[SegarError], limit: int = LIMIT) -> None:
-    """Raise ``error`` where a file would expand to so many bytes, and that is more than the limit; see :func:`file_limit`."""
-    there = path.stat().st_size
-    most = file_limit(limit, there)
-    if size > most:
-        raise error(
-            f"{path}: this {file} of {there:,} bytes would expand to {size:,}, more than {most:,}. If you know where it comes"
-            f" from, set the environment variable {LIMIT_VARIABLE} to {-(-size // 10**6)} (megabytes) or more"
-        )
-
-
-def file_limit(limit: int, size: int) -> int:
-    """To how many bytes a file of so many bytes may expand.
-
-    Raises:
-        SegarError: the environment variable that says it is no number.
-    """
-    given = os.environ.get(LIMIT_VARIABLE, "")
-    if not given:
-        return max(limit, RATIO * size)
-    if not given.isdecimal():
-        raise SegarError(
-            f"the environment variable {LIMIT_VARIABLE} is a number of megabytes, such as 4000, not {given!r}"
-        )
-    return int(given) * 10**6
+            raise npz._damaged(f"'{twice[0]}' stands in it twice")
+        yield npz
 
 
 def first_line(error: BaseException) -> str:

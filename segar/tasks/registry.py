@@ -1,12 +1,12 @@
 """Tasks by name: the built-in ones, those of users, and the one that levels were made for."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from segar.errors import LevelError, SegarError, did_you_mean
+from segar.errors import SegarError
 from segar.language import Task
 from segar.levels import Levels
-from segar.support import made, named_object
+from segar.support import EVERYTHING, made, resolve
 from segar.tasks.billiards_task import billiards
 from segar.tasks.invisiball_task import invisiball
 from segar.tasks.puttputt_task import puttputt
@@ -14,27 +14,17 @@ from segar.tasks.puttputt_task import puttputt
 TASKS: dict[str, Callable[..., Task]] = {"puttputt": puttputt, "billiards": billiards, "invisiball": invisiball}
 
 
-def find_task(name: str) -> Callable[..., Task] | Task:
-    """The function that makes the task of that name: one of ``TASKS``, or the object that ``module:attribute`` names.
-
-    Raises:
-        SegarError: there is no such task; the message has the nearest name.
-    """
-    if name not in TASKS and ":" not in name:
-        raise SegarError(
-            f"no task is called '{name}'.{did_you_mean(name, TASKS)} One of your own is 'module:attribute'"
-        )
-    return TASKS[name] if name in TASKS else named_object(name)
-
-
-def make_task(name: str, options: Mapping[str, Any] | None = None) -> Task:
+def make_task(name: str, options: Mapping[str, Any] | None = None, *, trusted: Collection[str] = (EVERYTHING,)) -> Task:
     """The task of that name with these options, and defaults for all others.
 
+    Args:
+        trusted: packages whose tasks may be named; none where a file names the task, which brings no code.
+
     Raises:
-        SegarError: there is no such task, or what ``module:attribute`` names is neither a task nor a function that makes
-            one.
+        SegarError: there is no such task, it is not trusted, or what ``module:attribute`` names is neither a task nor a
+            function that makes one.
     """
-    found: Any = made(name, find_task(name), options)
+    found: Any = made(name, resolve(name, TASKS, "task", trusted), options)
     if not isinstance(found, Task):
         raise SegarError(f"'{name}' is no segar.Task, nor a function that makes one, but {found!r}")
     return found
@@ -46,9 +36,4 @@ def task_of(levels: Levels, options: Mapping[str, Any] | None = None) -> Task:
     Raises:
         SegarError: there is no such task, or a level file names one that is not built in: a file imports no code.
     """
-    name = levels.task or "puttputt"
-    if name not in TASKS and levels.distribution is None:
-        raise LevelError(
-            f"these levels were saved for the task '{name}', which a level file does not hold; give task= (--task)"
-        )
-    return make_task(name, options)
+    return make_task(levels.task or "puttputt", options, trusted=() if levels.distribution is None else (EVERYTHING,))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
-from segar.support import Form, need, open_npz
+from segar.support import Form, need, open_npz, opened
 
 SMALLEST, LARGEST = 2, 32  # [pixels] sides of filters that are taken for a first layer
 
@@ -143,7 +143,7 @@ def _read_safetensors(path: Path, key: str | None) -> dict[str, np.ndarray]:
     from safetensors import SafetensorError, safe_open
 
     try:
-        with safe_open(path, framework="numpy") as archive:
+        with opened(path, "file of weights", SegarError), safe_open(path, framework="numpy") as archive:
             shapes = {name: tuple(archive.get_slice(name).get_shape()) for name in archive.keys()}
             wanted = [name for name, shape in shapes.items() if _is_bank(shape) and key in (None, name)]
             return _filters_among({name: archive.get_tensor(name) for name in wanted})

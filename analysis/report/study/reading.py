@@ -15,11 +15,19 @@ from analysis.runs import LEVEL_SETS, column_name, number_of_pairs
 from analysis.tables import count_of, keep, pick, select
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS, STUDY
 from experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_SEED, kind_columns
-from experiments.runs.trust import require_trust
+from experiments.runs.run_folder import LONGEST
+from experiments.runs.trust import settings_of_file
 from experiments.settings import ConfigError, RunFolderError, add_module_path, flat, read_yaml
 from segar.errors import did_you_mean
+from segar.support import content_of, misfit
 
 NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic")
+READ = {
+    "claims?": ({str: {"test?": str}}, None),
+    "module_path?": [str],
+    "grid?": (dict, None),
+    "settings?": (dict, None),
+}
 ALL = "all agents"
 OWN_UNITS = "w2_exact has a unit for each pair of training and test distributions: compare it within a pair."
 SUCCESS = ("success_train_deterministic", "success_test_deterministic")
@@ -98,14 +106,16 @@ def is_study(folder: Path) -> bool:
 def read_study(folder: Path) -> Study:
     """The study in a results folder; raises :class:`RunFolderError`."""
     path = folder / STUDY
+    content = content_of(path, "study", RunFolderError, LONGEST)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = content.decode()
         asked = read_yaml(text)
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise RunFolderError(f"cannot read {path}: {error}") from error
-    claims = asked.get("claims") or {}
-    require_trust(path, text, {"claims": [one.get("test", "") for one in claims.values()]})
-    add_module_path(asked.get("module_path", ()))
+    if wrong := misfit(asked, READ):
+        raise RunFolderError(f"{path}: {wrong}")
+    used = {key: asked[key] for key in ("claims", "module_path") if key in asked}
+    add_module_path(settings_of_file(path, used, text=text).get("module_path", ()))
     results = read_results(folder, NEEDED)
     table, vary = results.runs, [str(name) for name in (asked.get("grid") or {}).get("vary", ())]
     shared = table["levels.seed"].fillna(table["seed"]) if "levels.seed" in table else table["seed"]

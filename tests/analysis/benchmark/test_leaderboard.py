@@ -1,18 +1,23 @@
 """The leaderboard: what the shipped page and tables say is what the shipped rows say, and scores mean what they should."""
 
+import json
 import shutil
 
 import numpy as np
 import pandas as pd
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
 from mlflow import MlflowClient
 
 from analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
+from analysis.benchmark.leaderboard_page import escaped
 from analysis.benchmark.make import BOARD, CAUSES, IMPROVEMENT, PAGE, PROFILE, PROFILES, SCORES, report_rows
 from analysis.benchmark.scores import COMPARED, OVERALL, figures_of, leaderboard, rows_in, suites_compared
 from analysis.stats.scores import detectable_difference
 from experiments.benchmarking.protocol import REFERENCES, SHIPPED
-from experiments.settings import TrackingConfig
+from experiments.benchmarking.row import ROW, TABLE, file_hash, hash_of
+from experiments.settings import RunFolderError, TrackingConfig
 from experiments.tracking.mlflow_store import store_uri
 from segar.suites import CORE, outline, suite, suites
 
@@ -134,3 +139,48 @@ def test_more_seeds_see_smaller_differences():
     assert detectable_difference(0.2, 5) == pytest.approx(2 * detectable_difference(0.1, 5))
     # Of many, that of the normal distribution: (z of 0.975 + z of 0.8) times sd times the root of 2 / n.
     assert detectable_difference(1.0, 5000) == pytest.approx(2.8016 * np.sqrt(2 / 5000), rel=1e-3)
+
+
+def forged(folder, change):
+    """A shipped row in another folder, whose table was changed and whose hashes were made to fit."""
+    shutil.copytree(SHIPPED / "script", folder / "script")
+    path = folder / "script" / ROW
+    pq.write_table(change(pq.read_table(path.with_name(TABLE))), path.with_name(TABLE))
+    data = json.loads(path.read_text())
+    del data["hash"]
+    data["files"][TABLE] = file_hash(path.with_name(TABLE))
+    path.write_text(json.dumps({**data, "hash": hash_of(data)}))
+    return folder
+
+
+def with_returns(value):
+    """A function that adds a number to all returns of a table."""
+
+    def change(table):
+        place = table.schema.get_field_index("return")
+        return table.set_column(place, "return", pc.add(table["return"], value))
+
+    return change
+
+
+def test_rows_that_nobody_has_verified_say_so_in_every_table(tmp_path, monkeypatch):
+    monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path / "cache"))
+    folder = forged(tmp_path / "forged", with_returns(5.0))
+    report_rows(folder)
+    page = (folder / PAGE).read_text()
+    assert page.count("`script` (not verified)") == page.count("`script`") > 10 and page.count("(not verified)") > 10
+    for name in (SCORES, BOARD, IMPROVEMENT):
+        assert {one for one in pd.read_csv(folder / name)["row"] if "script" in one} == {"script (not verified)"}
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_returns_that_are_no_numbers_are_refused_by_file_and_column(tmp_path, value):
+    with pytest.raises(
+        RunFolderError, match=r"episodes.parquet: some values in the column 'return' are absent or not fin"
+    ):
+        report_rows(forged(tmp_path, with_returns(value)))
+
+
+def test_what_a_row_says_is_no_markup_of_the_page():
+    text = escaped("<img src=x onerror=alert(1)> | [a](javascript:b)\n`c` *d*")
+    assert not set("<>\n") & set(text) and text.count("\\") == 7

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -24,7 +25,7 @@ from experiments.benchmarking.players import PlayerTask, make_piece
 from experiments.benchmarking.playing import read_actions, write_actions
 from experiments.benchmarking.protocol import PLAYERS, SHIPPED, suites_named
 from experiments.benchmarking.row import EPISODES, ROW, TABLE, add_pieces, file_hash, hash_of, read_piece, read_row
-from experiments.benchmarking.verification import verify
+from experiments.benchmarking.verification import is_verified, verify
 from experiments.commands.overrides import with_own_names
 from experiments.settings import (
     ConfigError,
@@ -81,10 +82,38 @@ def test_the_core_has_twelve_suites_and_all_axes():
 
 
 @pytest.mark.parametrize("player", ["idle", "script"])
-def test_a_player_becomes_a_row_that_plays_again_to_the_bit(tmp_path, player):
+def test_a_player_becomes_a_row_that_plays_again_to_the_bit(tmp_path, monkeypatch, player):
     row = row_made_here(config_of(tmp_path, player=player))
     of = suite(SUITE)
+    monkeypatch.setattr("experiments.benchmarking.verification.private_cache_folder", lambda: tmp_path)
+    assert verify(row, [SUITE]) and not is_verified(row), "a part of it is not all of it"
     assert verify(row) == len(of.test_levels) + of.training_levels == len(row.episodes())
+    assert is_verified(row) and not is_verified(dataclasses.replace(row, means="0"))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, None])
+def test_returns_that_are_no_numbers_are_refused_by_file_and_column(tmp_path, value):
+    row = row_made_here(config_of(tmp_path, player="idle"))
+    episodes = row.episodes()
+    returns = pa.array([value, *episodes["return"].to_pylist()[1:]], pa.float64())
+    place = episodes.schema.get_field_index("return")
+    pq.write_table(episodes.set_column(place, EPISODES.field("return"), returns), row.folder / TABLE)
+    row = edited(row, files={TABLE: file_hash(row.folder / TABLE)})
+    for read in (row.results, lambda: verify(row)):
+        with pytest.raises(
+            RunFolderError, match=r"episodes.parquet: some values in the column 'return' are absent or not"
+        ):
+            read()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"name": "../x"}, {"name": "<b>"}, {"name": "a|b"}, {"name": ""}],
+)
+def test_texts_that_no_page_should_show_are_refused_by_their_names(tmp_path, changes):
+    (name,) = changes
+    with pytest.raises(RunFolderError, match=f"row.json: {name}: "):
+        edited(row_made_here(config_of(tmp_path, player="idle")), **changes)
 
 
 def test_a_changed_episode_is_found_and_named_though_all_hashes_were_made_to_fit(tmp_path):
@@ -107,8 +136,39 @@ def test_another_version_of_a_suite_or_other_training_levels_are_refused(tmp_pat
         verify(edited(row, pieces=[{**piece, "suite_hash": "0000"}]))
     with pytest.raises(RunFolderError, match="the train levels of place-few-v1 with seed 1 are not those"):
         verify(edited(row, pieces=[{**piece, "levels": {**piece["levels"], "train": "0000"}}]))
-    with pytest.raises(RunFolderError, match="there is no suite 'place-few-v7'"):
+    with pytest.raises(RunFolderError, match="there are no episodes of place-few-v7, seed 1, on its"):
         verify(edited(row, pieces=[{**piece, "suite": "place-few-v7"}]))
+
+
+@pytest.mark.parametrize(
+    "name", ["segar.engine.targets.numba_ir:subprocess.run", f"{LAB}:policy", "{lab}/evil.py:seen"]
+)
+def test_a_row_of_somebody_else_imports_nothing_without_trust(tmp_path, name):
+    (tmp_path / "evil.py").write_text(f"open({str(tmp_path / 'imported')!r}, 'w').close()\n")
+    options = {"args": f"touch {tmp_path / 'imported'}", "shell": True}
+    seen = {"name": name.replace("{lab}", str(tmp_path)), "options": options}
+    row = row_made_here(config_of(tmp_path, player="idle"))
+    for settings in (
+        {"observation": seen},
+        {"task": seen},
+        {"algorithm": {"_target_": seen["name"].replace(":", ".")}},
+    ):
+        hostile = edited(row, kind="networks", settings=settings)
+        for made in (verify, lambda row: again(config_of(tmp_path), row))["observation" not in settings :]:
+            with pytest.raises(
+                RunFolderError, match=r"row.json was not written by you .* \(settings\.\w+\.(name|_target_)\)"
+            ):
+                made(hostile)
+    assert not (tmp_path / "imported").exists()
+    trusted = edited(row, kind="networks", settings={"observation": {"name": f"{LAB}:policy"}})
+    (found,) = again(config_of(tmp_path, trust=True), trusted)
+    assert found.run.observation.name == f"{LAB}:policy"
+
+
+def test_a_row_says_nothing_of_where_runs_lie(tmp_path):
+    row = edited(row_made_here(config_of(tmp_path, player="idle")), settings={"folder": "/elsewhere", "restart": True})
+    (found,) = again(config_of(tmp_path), row)
+    assert (found.run.folder, found.run.restart) == (None, False)
 
 
 def test_a_method_from_outside_becomes_a_row_of_its_actions(tmp_path):

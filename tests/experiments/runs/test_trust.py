@@ -11,6 +11,8 @@ from experiments.runs.own_modules import modules_named
 from experiments.runs.run_folder import CONFIG, read_config, use_run_folder
 from experiments.runs.trust import TRUSTED
 from experiments.settings import LevelsConfig, RunConfig, RunFolderError, TrackingConfig, as_data
+from segar.errors import SegarError
+from segar.support import named_object
 
 OWN = RunConfig(levels=LevelsConfig(train="bad_code:levels"), tracking=TrackingConfig(name="none"))
 
@@ -40,19 +42,50 @@ def folder_of(tmp_path, **changes):
 
 
 @pytest.mark.parametrize(
-    ("changes", "module"),
+    ("changes", "module", "place"),
     [
-        ({"algorithm": {"_target_": "bad_code.Config"}}, "bad_code"),
-        ({"levels": {"train": "bad_code:levels"}}, "bad_code"),
-        ({"task": {"name": "os:system", "options": {"command": "true"}}}, "os"),
-        ({"observation": {"name": "bad_code:seen"}}, "bad_code"),
+        ({"algorithm": {"_target_": "bad_code.Config"}}, "bad_code", "algorithm._target_"),
+        ({"levels": {"train": "bad_code:levels"}}, "bad_code", "levels.train"),
+        ({"task": {"name": "os:system", "options": {"command": "true"}}}, "os", "task.name"),
+        ({"observation": {"name": "bad_code:seen"}}, "bad_code", "observation.name"),
+        ({"task": {"name": "segar.engine.targets.numba_ir:subprocess.run"}}, "segar", "task.name"),
+        ({"task": {"name": "bad_code:lévels"}}, "bad_code", "task.name"),
     ],
-    ids=["algorithm", "levels", "task", "observation"],
+    ids=["algorithm", "levels", "task", "observation", "a module of SEGAR", "letters beyond ASCII"],
 )
-def test_settings_of_others_import_nothing(tmp_path, cache, bad_code, changes, module):
-    with pytest.raises(RunFolderError, match=f"names code that would be imported: {module}.*set {TRUSTED}={module} "):
+def test_settings_of_others_import_nothing(tmp_path, cache, bad_code, changes, module, place):
+    with pytest.raises(
+        RunFolderError, match=f"names code that would be imported: {module}.*{place}.*set {TRUSTED}={module} "
+    ):
         read_config(folder_of(tmp_path, **changes))
     assert not bad_code.exists()
+
+
+@pytest.mark.parametrize("setting", ["train", "test", "design", "variation", "world"])
+def test_a_file_is_not_imported_either_and_its_folder_is_not_searched(tmp_path, cache, bad_code, setting):
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "bad_code.py").rename(tmp_path / "lab" / "bad_code.py")
+    folder = folder_of(
+        tmp_path, levels={setting: f"{tmp_path}/lab/bad_code.py:levels"}, module_path=[str(tmp_path / "lab")]
+    )
+    with pytest.raises(RunFolderError, match=rf"bad_code.py:levels \(levels.{setting}\)"):
+        read_config(folder)
+    with pytest.raises(RunFolderError, match=r"bad_code.py:levels"):
+        read_config(folder, {"bad_code"})
+    (folder / CONFIG).write_text(
+        yaml.safe_dump({"levels": {setting: "bad_code:levels"}, "module_path": [f"{tmp_path}/lab"]})
+    )
+    read_config(folder, {"bad_code"})
+    assert str(tmp_path / "lab") not in sys.path and not bad_code.exists()
+
+
+def test_a_package_that_is_trusted_is_no_way_to_what_it_imports(tmp_path, monkeypatch):
+    (tmp_path / "good_code.py").write_text("import subprocess\nfrom os import system\nimport os.path as place\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for attribute in ("subprocess.run", "system", "place.join", "subprocess"):
+        with pytest.raises(SegarError, match="which good_code only imports"):
+            named_object(f"good_code:{attribute}")
+    sys.modules.pop("good_code")
 
 
 def test_settings_of_others_that_name_no_code_are_read(tmp_path, cache):

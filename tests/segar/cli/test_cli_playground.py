@@ -162,7 +162,10 @@ def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, monkeypatch)
     assert Path("page.html").read_text() == page.html, "a file and a module may name the same thing"
     Path("page.html").unlink()
     (run / "config.yaml").write_text("observation: {name: state}\ntask: {name: 'my_field:other'}\n")
-    assert "the task 'my_field:other' is not that of the levels, and is not imported" in refused(capsys, *base)
+    assert (
+        "the task 'my_field:other' is not built in, and a file imports no code; give it by task= or --task"
+        in refused(capsys, *base)
+    )
     (run / "config.yaml").write_text("observation: {name: state}\ntask: {name: levels, options: {near: 3}}\n")
     assert "'my_field:landing' is called with near, and got an unexpected keyword argument 'near'" in refused(
         capsys, *base
@@ -208,7 +211,7 @@ def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
     (run / "config.yaml").write_text(OWN)
     network(segar.family("empty-hard").sample(1)).save(network_file)
     assert "'my_lab.seeing:look'" in (said := refused(capsys, *base, "--policy", run))
-    assert "is not imported; say what the policy reads by --observation" in said
+    assert "a file imports no code" in said and "; say what the policy reads by --observation" in said
     (run / "config.yaml").write_text("- !!python/object:os.system x\n")
     assert "config.yaml holds no settings of a run" in refused(capsys, *base, "--policy", run)
     (tmp_path / "bare").mkdir()

@@ -1,6 +1,7 @@
 """Level files that others made are data: each is read as it is meant, or refused with its name and what is wrong."""
 
 import io
+import json
 import tracemalloc
 
 import numpy as np
@@ -178,3 +179,59 @@ def test_no_prior_draws_a_negative_mass():
     law = segar.LevelDistribution([(segar.GolfBall, 1)], [segar.Prior(segar.Mass, segar.GaussianNoise(0.0, 1.0))])
     with pytest.raises(segar.errors.PriorError, match="which Mass cannot be: it must be a number that is not negative"):
         law.sample(50, seed=0)
+
+
+@pytest.mark.parametrize("kind", ["json", "npz"])
+def test_a_class_of_the_user_never_stands_for_a_built_in_one_nor_the_other_way_round(tmp_path, kind):
+    """Also where it has the same name and the same factors."""
+    path = tmp_path / f"levels.{kind}"
+
+    def saved_as(module):
+        LEVELS.save(path)
+        if kind == "json":
+            path.write_text(path.read_text().replace('"segar.language.entities"', f'"{module}"'))
+        else:
+            text = members_of(path)["metadata.npy"][128:].replace(b'"segar.language.entities"', f'"{module}"'.encode())
+            path.write_bytes(with_array(path, "metadata", np.frombuffer(text, np.uint8)))
+        return path
+
+    assert Levels.load(saved_as("segar.moved_since")) == LEVELS, "modules of SEGAR may move"
+    for module in ("my_lab.golf", "nowhere.at.all", "__main__", "segarlike", ""):
+        with pytest.raises(
+            LevelError, match=rf"levels.{kind}: it holds the entity type '\w+' of {module}, and here that name"
+        ):
+            Levels.load(saved_as(module))
+
+
+def test_a_class_of_the_user_s_is_found_where_its_module_moved_and_is_not_taken_for_a_built_in_one(tmp_path):
+    class GolfBall(segar.GolfBall):
+        """Another thing of a built-in name."""
+
+    levels = Levels.from_entities([[GolfBall({segar.Position: [0.0, 0.0]})]])
+    levels.save(tmp_path / "own.json")
+    assert Levels.load(tmp_path / "own.json").layout.types[0] is GolfBall
+    GolfBall.__module__ = "moved.since"
+    assert Levels.load(tmp_path / "own.json").layout.types[0] is GolfBall
+    segar.family("empty-easy").sample(1).save(tmp_path / "theirs.json")
+    assert segar.GolfBall in Levels.load(tmp_path / "theirs.json").layout.types
+    GolfBall.__name__ = "GoneSince"  # so that no other test meets it
+    with pytest.raises(LevelError, match=r"it holds the entity type 'GolfBall' of \S*test"):
+        Levels.load(tmp_path / "own.json")
+
+
+@pytest.mark.parametrize("split", ["", "../../x", "a/b", "/etc", "..", ".", " ", "a\0b", "a\nb", "x" * 1000, 3])
+def test_a_split_is_a_word_which_can_be_a_part_of_the_name_of_a_file(tmp_path, split):
+    with pytest.raises(LevelError, match="the split must be a word such as 'train' or 'test'"):
+        segar.family("empty-easy").sample(1, split=split)
+    if split and isinstance(split, str):
+        data = json.loads(text_of(tmp_path / "levels.json"))
+        data["description"]["provenance"]["split"] = split
+        (tmp_path / "levels.json").write_text(json.dumps(data))
+        with pytest.raises(LevelError, match=r"levels.json: (provenance.split: .* names no split|description: )"):
+            Levels.load(tmp_path / "levels.json")
+
+
+def text_of(path):
+    """The text of a level file in JSON, which is written there."""
+    LEVELS.save(path)
+    return path.read_text()

@@ -287,7 +287,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(LevelError, match=r"there is no level file .*x.json"):
         Levels.load(tmp_path / "x.json")
     (tmp_path / "x.json").mkdir()
-    with pytest.raises(LevelError, match=r"x.json is not a level file"):
+    with pytest.raises(LevelError, match=r"x.json is no level file: it is a folder"):
         Levels.load(tmp_path / "x.json")
 
 

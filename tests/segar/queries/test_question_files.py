@@ -66,7 +66,7 @@ def test_a_task_of_ones_own_is_given(tmp_path, default_rules):
     write_questions(tmp_path / "q.jsonl", default_rules.of("plan")[:1], default_rules.answers)
     [line] = lines_of(tmp_path / "q.jsonl")
     write_lines(tmp_path / "q.jsonl", [line | {"task": "my_lab.tasks:golf"}])
-    with pytest.raises(SegarError, match=r"q.jsonl: line 1: 'task' is 'my_lab.tasks:golf', which is not built in"):
+    with pytest.raises(SegarError, match=r"q.jsonl: line 1: the task 'my_lab.tasks:golf' is not built in"):
         read_questions(tmp_path / "q.jsonl")
     questions = read_questions(tmp_path / "q.jsonl", task=segar.puttputt())
     assert grade(questions, default_rules.answers).correct().value == 1.0
@@ -123,7 +123,7 @@ def test_answers_may_be_null_and_not_given_twice(tmp_path, default_rules):
 @pytest.mark.parametrize("name", ["questions", "answers"])
 def test_files_that_are_not_there_or_empty_are_said(name, tmp_path, default_rules):
     read = read_questions if name == "questions" else lambda path: read_answers(path, default_rules.questions)
-    with pytest.raises(SegarError, match=f"cannot read the file of {name} .*nothing.jsonl"):
+    with pytest.raises(SegarError, match=f"there is no file of {name} .*nothing.jsonl"):
         read(tmp_path / "nothing.jsonl")
     (tmp_path / "empty.jsonl").write_text("\n")
     with pytest.raises(SegarError, match=f"empty.jsonl is no file of {name}: it is empty"):
