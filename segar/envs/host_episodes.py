@@ -74,7 +74,6 @@ class HostEpisodes:
         self._any_level = np.full(num_envs, -1)
         self._outcome = StepResult.empty(num_envs)
         self._has_factors = true_factors
-        self._factors = np.empty((num_envs, *levels.values.shape[1:]))
         self._seeds: np.ndarray | None = (
             None  # uint64 (num_envs, 2): own seeds, and the places in a batch that draw by them
         )
@@ -285,7 +284,7 @@ class HostEpisodes:
             "unresolved_contacts": state.unresolved_contacts.copy(),
         }
         if self._has_factors:
-            values = np.empty(state.values.shape) if self.copy else self._factors
+            values = np.empty(state.values.shape)
             copy_numbers(state.values, values)
             info["factors"] = self.pool.levels.layout.named(values)
         return info | trial_info(self.trials, now.episodes, now.lengths)

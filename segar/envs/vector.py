@@ -1,6 +1,6 @@
 """The core environment: a batch of episodes on the levels of a set, stepped by one compiled kernel."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -232,13 +232,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.require_open("reset", started=False)
         if not self._started and not mask.all():
             raise SegarError("the first reset must start all environments")
-        self._started = True
-        if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
+        if isinstance(seed, list | tuple | range) or getattr(seed, "ndim", 0) == 1:
             if len(seed) != self.num_envs:
                 raise SegarError(f"reset: give one seed, or {self.num_envs}, not {len(seed)}")
-            seeds = [(_fresh_seed() if one is None else seed_of(one), place) for one in seed]
-            return self._episodes.reset(np.array(seeds, np.uint64), mask, chosen)
-        return self._episodes.reset(None if seed is None else seed_of(seed), mask, chosen)
+            seed = np.array([(_fresh_seed() if s is None else seed_of(s), place) for s in seed], np.uint64)
+        elif seed is not None:
+            seed = seed_of(seed)
+        self._started = True
+        return self._episodes.reset(seed, mask, chosen)
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict]:
         """Advance all environments by one step; actions beyond the range are clipped.

@@ -190,11 +190,6 @@ class Factors(Mapping[str, np.ndarray]):
         self._layout, self._arrays = layout, arrays
 
     @property
-    def entities(self) -> tuple[str, ...]:
-        """Names of the entities, in the order of the arrays' axis."""
-        return self._layout.names
-
-    @property
     def num_envs(self) -> int:
         """Length of the arrays' first axis."""
         return len(self._arrays[next(iter(self))])
@@ -208,10 +203,10 @@ class Factors(Mapping[str, np.ndarray]):
 
     def slots(self, entity_type: type[Entity]) -> list[int]:
         """Places of the arrays' entities where only entities of this type can be; raises :class:`LevelError`."""
-        slots = self._layout.slots
-        found = [k for k, slot in enumerate(slots) if all(issubclass(t, entity_type) for t in slot.types)]
+        layout = self._layout
+        found = [k for k, slot in enumerate(layout.slots) if all(issubclass(t, entity_type) for t in slot.types)]
         if not found:
-            raise LevelError(f"none of these levels' entities, {', '.join(self.entities)}, is a {entity_type.__name__}")
+            raise LevelError(f"none of these levels' entities, {', '.join(layout.names)}, is a {entity_type.__name__}")
         return found
 
     def __getitem__(self, name: str) -> np.ndarray:

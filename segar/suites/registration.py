@@ -31,10 +31,9 @@ def make_vector_env(
         max_episode_steps: an episode is truncated after this many steps, -1 for no limit.
         options: ``seed`` (default 0) draws the training levels. Where it is given, it seeds the episodes, too; otherwise
             they are others in each environment. ``num_levels``: of training, as many as the suite says by default; of the
-            test, the first ones, by default all. ``true_factors`` is False by default. All others
-            go to :class:`segar.envs.VectorEnv`, but for those that the suite
-            decides, such as ``task`` and ``max_steps``. The observation ``state`` hides what the suite hides, and ``rgb`` has
-            the textures of the side.
+            test, the first ones, by default all. ``true_factors`` is False by default. All others go to
+            :class:`segar.envs.VectorEnv`, but for those that the suite decides, such as ``task`` and ``max_steps``. The
+            observation ``state`` hides what the suite hides, and ``rgb`` has the textures of the side.
 
     Raises:
         SuiteError: the suite is about textures, and the observation is ``state``; an option is the suite's; or there are not
