@@ -17,7 +17,7 @@ from segar.engine import BY_NUMBER, Call, State, StepResult, build_kernel, for_t
 from segar.engine.cuda.driver import Device, Driver, Kernel
 from segar.envs.episode_calls import check_call, count_call, observation_calls, start_call
 from segar.envs.episode_kernel import ACTION_NOT_FINITE
-from segar.envs.host_episodes import HostEpisodes, with_masks
+from segar.envs.host_episodes import SEEDS, HostEpisodes, with_masks
 from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import EPISODE_ARRAYS, STATE_ARRAYS, Snapshot
 from segar.envs.trials import trial_info
@@ -26,6 +26,7 @@ from segar.language import Factor
 from segar.levels import Levels
 from segar.observations import map_leaves
 
+ONE_SEED = "on a GPU, environments cannot have seeds of their own; give reset() one seed for all of them"
 STEPS_BETWEEN_CHECKS = 64  # a check waits for the GPU
 COUNTS = {"level": "level", "length": "lengths", "contacts": "contacts", "unresolved_contacts": "unresolved_contacts"}
 """Entries of info that are int64, and the arrays of a snapshot that hold them."""
@@ -168,7 +169,7 @@ class DeviceEpisodes:
     def reset(self, seed: Any, mask: Any, chosen: np.ndarray | None) -> tuple[Any, dict[str, Any]]:
         """Start episodes where ``mask`` is true; arguments as of :meth:`HostEpisodes.reset`."""
         if isinstance(seed, np.ndarray):
-            raise SegarError("reset: on a GPU, give one seed for all environments")
+            raise SegarError(ONE_SEED)
         if seed is not None:
             self.host.now.seed = seed
             self._tensors["episodes"].zero_()
@@ -297,6 +298,8 @@ class DeviceEpisodes:
         """See :meth:`segar.envs.VectorEnv.restore`; episodes on a GPU keep their levels."""
         if pool is not None:
             self._keeps_levels("restore with a pool")
+        if SEEDS in snapshot.memory:
+            raise SegarError(ONE_SEED)
         self.host.restore(snapshot)
         self.push()
         return self.observe()

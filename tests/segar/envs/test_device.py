@@ -113,7 +113,7 @@ def test_episodes_are_those_of_the_processor(stub, levels, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
+@pytest.mark.parametrize("mode", ["SameStep", "NextStep", "Disabled"])
 def test_trials_are_those_of_the_processor(stub, levels, mode):
     options: dict[str, Any] = {"seed": 3, "max_steps": 4, "trials": 3, "autoreset_mode": mode}
     host, device = VectorEnv(levels, N, **options), VectorEnv(levels, N, device="cuda", **options)
@@ -128,12 +128,20 @@ def test_trials_are_those_of_the_processor(stub, levels, mode):
     assert same_info(host.reset()[1], device.reset()[1])
 
 
+def test_seeds_of_their_own_are_refused(stub, levels):
+    host, device = VectorEnv(levels, N), VectorEnv(levels, N, device="cuda")
+    host.reset(seed=[*range(N)])
+    for call in (lambda: device.reset(seed=[*range(N)]), lambda: device.restore(host.state())):
+        with pytest.raises(SegarError, match="on a GPU, environments cannot have seeds of their own"):
+            call()
+
+
 def test_what_a_gpu_does_not_remember_over_trials_is_refused(stub, levels):
     with pytest.raises(SegarError, match="the observation BoundPreviousStep has no compiled form for a GPU"):
         VectorEnv(levels, N, device="cuda", trials=2, observation=PreviousStep())
 
 
-@pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
+@pytest.mark.parametrize("mode", ["SameStep", "NextStep", "Disabled"])
 def test_masks_levels_and_unit_actions_are_those_of_the_processor(stub, levels, mode):
     options: dict[str, Any] = {"autoreset_mode": mode, "unit_actions": True, "seed": 5, "copy": False}
     host, device = VectorEnv(levels, N, **options), VectorEnv(levels, N, device="cuda", **options)
