@@ -69,6 +69,7 @@ def random_crowd(rng: np.random.Generator) -> segar.LevelDistribution:
     """Many objects and some tiles, of masses, charges and sizes, and in a world, that no named family has."""
     n = int(rng.integers(5, 25))
     size = rng.uniform(0.5, 0.9) / n**0.5
+    speed, rate = float(rng.choice([2.0, 10.0, 100.0])), float(rng.choice([20.0, 100.0, 400.0]))
     return segar.LevelDistribution(
         numbers=[(segar.GolfBall, 1), (segar.GoalTile, 1), (OBJECTS, n), (TILES, int(rng.integers(0, 3)))],
         priors=[
@@ -85,8 +86,8 @@ def random_crowd(rng: np.random.Generator) -> segar.LevelDistribution:
             segar.Gravity: segar.UniformNoise(0.0, 20.0),
             segar.language.FloorFriction: segar.UniformNoise(0.0, 0.2),
             segar.language.WallDamping: segar.UniformNoise(0.0, 0.5),
-            segar.language.MaxVelocity: float(rng.choice([2.0, 10.0, 100.0])),
-            segar.language.Framerate: float(rng.choice([20.0, 100.0, 400.0])),
+            segar.language.MaxVelocity: speed,
+            segar.language.Framerate: max(rate, speed / (0.3 * size)),  # so that nothing passes another thing unseen
         },
         min_distance=0.0,
     )

@@ -22,7 +22,7 @@ from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import EPISODE_ARRAYS, STATE_ARRAYS, Snapshot
 from segar.envs.trials import trial_info
 from segar.errors import ActionError, ConflictError, LevelError, RuleError, SegarError
-from segar.language import Factor
+from segar.language import Factor, Parameter
 from segar.levels import Levels
 from segar.observations import map_leaves
 
@@ -300,6 +300,8 @@ class DeviceEpisodes:
             self._keeps_levels("restore with a pool")
         if SEEDS in snapshot.memory:
             raise SegarError(ONE_SEED)
+        if snapshot.parameters is not None:
+            self._keeps_levels("restore with other world parameters")
         self.host.restore(snapshot)
         self.push()
         return self.observe()
@@ -313,7 +315,9 @@ class DeviceEpisodes:
         """None, because episodes on a GPU keep their levels."""
 
     def intervene(self, entity: str, factor: type[Factor], value: Any, mask: np.ndarray) -> Any:
-        """See :meth:`segar.envs.VectorEnv.intervene`."""
+        """See :meth:`segar.envs.VectorEnv.intervene`; episodes on a GPU keep their world parameters."""
+        if issubclass(factor, Parameter):
+            self._keeps_levels("intervene on a world parameter")
         self.pull()
         self.host.intervene(entity, factor, value, mask)
         self.push()

@@ -16,8 +16,8 @@ from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import Snapshot
 from segar.envs.trials import trial_info
 from segar.errors import LevelError
-from segar.language import Factor
-from segar.levels import Levels
+from segar.language import Factor, FloorFriction, Mobile, Parameter, Size
+from segar.levels import Levels, check_crossings
 from segar.observations import Observation, copy_rows, hooks_of, leaves, map_leaves, recall_array, simulator_reads
 from segar.rendering import Camera
 from segar.support import Team
@@ -149,12 +149,20 @@ class HostEpisodes:
         """See :meth:`segar.envs.VectorEnv.state`."""
         own = {OVER: self.over.copy()} if self.autoreset is AutoresetMode.NEXT_STEP else {}
         own |= {} if self._seeds is None else {SEEDS: self._seeds.copy()}
-        return replace(self.now.copy(), memory=self._hooks.memory() | own)
+        now = self.now.copy()
+        level, parameters = self.pool.parameters_of(now.state.level)
+        memory = self._hooks.memory() | own
+        return replace(now, state=replace(now.state, level=level), memory=memory, parameters=parameters)
 
     def restore(self, snapshot: Snapshot, pool: LevelPool | None = None) -> Any:
         """See :meth:`segar.envs.VectorEnv.restore`."""
         snapshot.check_fits((pool or self.pool).levels, self.num_envs)
         everywhere = np.ones(self.num_envs, np.bool_)
+        if snapshot.parameters is not None:
+            pool, level = (pool or self.pool).with_parameters(snapshot.state.level, snapshot.parameters)
+            changed = ~np.isnan(snapshot.parameters).all(axis=1)
+            self._check_crossings(replace(pool.levels[level], values=snapshot.state.values)[changed], "environment")
+            snapshot = replace(snapshot, state=replace(snapshot.state, level=level), parameters=None)
         if pool is not None:
             self._use_pool(pool)
         self._hooks.forget(everywhere)
@@ -181,22 +189,50 @@ class HostEpisodes:
 
     def intervene(self, entity: str, factor: type[Factor], value: Any, mask: np.ndarray) -> Any:
         """See :meth:`segar.envs.VectorEnv.intervene`."""
+        if issubclass(factor, Parameter):
+            return self._intervene_on_parameter(factor, value, mask)
         layout, now = self.pool.levels.layout, self.now.state
         first = layout.columns[factor]
-        part = now.values[:, layout.slot_index(entity), first : first + factor.width]
+        values = now.values.copy()
+        part = values[:, layout.slot_index(entity), first : first + factor.width]
         if np.isnan(part[mask]).any():
             raise LevelError(f"'{entity}' has no {factor.__name__} in some of these environments")
         part[mask] = factor.check(value)
+        if factor in (Size, Mobile):
+            self._check_crossings(replace(self.pool.levels[now.level], values=values), "environment")
+        now.values[...] = values
         self.observation.begin(now.values, now.level, mask)
         return self.observe()
+
+    def _intervene_on_parameter(self, parameter: type[Parameter], value: Any, mask: np.ndarray) -> Any:
+        """Let these environments go on in worlds in which the parameter has another value."""
+        number = parameter.check(value)
+        if not parameter.is_possible(np.array(number)):
+            raise LevelError(
+                f"intervene: the world parameter {parameter.__name__} must be {parameter.possible_values()}, not {value!r}"
+            )
+        levels, snapshot = self.pool.levels, self.state()
+        own = np.full((self.num_envs, len(levels.layout.parameters)), np.nan)
+        own = own if snapshot.parameters is None else snapshot.parameters
+        own[mask] = levels.parameters[self.now.state.level[mask]]
+        own[mask, levels.layout.parameters.index(parameter)] = number
+        if parameter is FloorFriction:
+            values = snapshot.state.values[mask]
+            levels.layout.set_floor(values, own[mask])
+            snapshot.state.values[mask] = values
+        return self.restore(replace(snapshot, parameters=own))
+
+    def _check_crossings(self, levels: Levels, unit: str) -> None:
+        check_crossings(levels, self.simulator.world, self.task.sub_steps, unit)
 
     def replace_levels(self, indices: Any, levels: Levels, playing: bool) -> None:
         """See :meth:`segar.envs.VectorEnv.replace_levels`; ``playing``: whether episodes run."""
         pool, rows = self.pool.replaced(indices, levels, self.now.state.level if playing else None)
+        self._check_crossings(levels, "level")
         if rows is None:
             self._use_pool(pool)
             return
-        snapshot = self.state()
+        snapshot = replace(self.state(), parameters=None)
         snapshot.state.level[:] = rows
         self.restore(snapshot, pool)
 

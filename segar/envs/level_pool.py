@@ -9,6 +9,7 @@ import numpy as np
 
 from segar.envs.checks import instance, shown
 from segar.errors import LevelError
+from segar.language import FloorFriction
 from segar.levels import LEVEL_ARRAYS, Levels, Provenance, check_levels
 from segar.support import __version__
 
@@ -24,11 +25,14 @@ class LevelPool:
             environment e went on with when its level was replaced.
         count: number of levels that episodes start on.
         weights: float64 ``(count,)``, how often episodes start on each, relative to the others; None: equally often.
+        bases: int64, of row ``count + e`` the level that environment e plays with world parameters that the caller set, or
+            ``REPLACED``; None: all ``REPLACED``.
     """
 
     levels: Levels
     count: int
     weights: np.ndarray | None = None
+    bases: np.ndarray | None = None
 
     @classmethod
     def of(cls, levels: Levels) -> Self:
@@ -52,7 +56,44 @@ class LevelPool:
 
     def named(self, level: np.ndarray) -> np.ndarray:
         """The levels of episodes as ``info`` says them, int64: an index in :attr:`drawn`, or ``REPLACED``."""
-        return level.copy() if self.count == len(self.levels) else np.where(level < self.count, level, REPLACED)
+        if self.count == len(self.levels):
+            return level.copy()
+        others = np.full(len(self.levels) - self.count, REPLACED) if self.bases is None else self.bases
+        return np.concatenate([np.arange(self.count), others])[level]
+
+    def parameters_of(self, level: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """The levels in whose worlds the caller set parameters, by their own places, and these environments' parameters.
+
+        Args:
+            level: int64 ``(num_envs,)``, the rows that environments play.
+
+        Returns:
+            The rows, and float64 ``(num_envs, parameters)``, nan where none was set; None where none was set anywhere.
+        """
+        named = self.named(level)
+        own = (level >= self.count) & (named != REPLACED)
+        if not own.any():
+            return level, None
+        return np.where(own, named, level), np.where(own[:, None], self.levels.parameters[level], np.nan)
+
+    def with_parameters(self, level: np.ndarray, parameters: np.ndarray) -> tuple[Self, np.ndarray]:
+        """The pool in which environments play their levels with these world parameters, and the rows of their levels.
+
+        Args:
+            level, parameters: what :meth:`parameters_of` returned.
+        """
+        own = ~np.isnan(parameters).all(axis=1)
+        levels = self.levels[np.concatenate([np.arange(self.count), level])]
+        values, given = levels.values.copy(), levels.parameters.copy()
+        given[self.count :][own] = parameters[own]
+        floor = levels.layout.parameters.index(FloorFriction)
+        other = np.flatnonzero(given[:, floor] != levels.parameters[:, floor])
+        part = values[other]
+        levels.layout.set_floor(part, given[other])
+        values[other] = part
+        rows = np.where(own | (level >= self.count), self.count + np.arange(len(level)), level)
+        bases = np.where(own, level, REPLACED)
+        return replace(self, levels=replace(levels, values=values, parameters=given), bases=bases), rows
 
     def weighted(self, weights: Any) -> Self:
         """The pool with these weights; None, and equal weights, for levels that are drawn uniformly.
@@ -97,6 +138,8 @@ class LevelPool:
         room = max(self.levels.vertices.shape[2], levels.vertices.shape[2])
         before, after = (_arrays(one, room) for one in (self.levels, levels))
         retired = np.zeros(0, np.bool_) if playing is None else (playing >= self.count) | np.isin(playing, places)
+        named = None if playing is None else self.named(playing)
+        bases = None if named is None else np.where(np.isin(named, places), REPLACED, named)
         rows = np.arange(self.count)
         if playing is not None and retired.any():
             rows = np.concatenate([rows, playing])
@@ -106,7 +149,7 @@ class LevelPool:
             arrays[name][places] = array
         indices_in_split = arrays.pop("indices")
         origin = _origin(self.levels.provenance, levels.provenance, indices_in_split)
-        pool = replace(self, levels=replace(self.levels, **arrays, provenance=origin))
+        pool = replace(self, levels=replace(self.levels, **arrays, provenance=origin), bases=bases)
         return pool, playing
 
     def arrays(self) -> dict[str, np.ndarray]:

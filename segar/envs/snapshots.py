@@ -14,8 +14,13 @@ from segar.support import ArchiveFormat, Form
 
 LIMIT = 4 * 2**30  # [bytes] of a snapshot whose observations remember frames
 FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError, LIMIT)
-DESCRIPTION = {"seed": int, "memory?": [str]}
-DTYPES = {"values": "float64", "returns": "float64", "key": "uint64"}  # of arrays; those of others are int64
+DESCRIPTION = {"seed": int, "memory?": [str], "parameters?": bool}
+DTYPES = {
+    "values": "float64",
+    "parameters": "float64",
+    "returns": "float64",
+    "key": "uint64",
+}  # of arrays; those of others are int64
 STATE_ARRAYS = tuple(array.name for array in fields(State))
 EPISODE_ARRAYS = ("returns", "lengths", "episodes")
 MEMORY = "memory/"  # stands before the names of what observations remember
@@ -32,6 +37,8 @@ class Snapshot:
         episodes: int64 ``(num_envs,)``, episodes that were started.
         seed: decides, with environment and number of the episode, on which level the next one starts.
         memory: what observations show of the past, such as a frame stack, by name; empty where they show none.
+        parameters: float64 ``(num_envs, parameters)``, the world parameters of environments in which the caller set some, nan
+            in all others; None where none was set.
     """
 
     state: State
@@ -40,6 +47,7 @@ class Snapshot:
     episodes: np.ndarray
     seed: int
     memory: dict[str, np.ndarray] = field(default_factory=dict)
+    parameters: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.returns)
@@ -61,7 +69,14 @@ class Snapshot:
             raise SegarError(f"snapshot[{index!r}] names no environment")
         state = State(**{name: getattr(self.state, name)[rows] for name in STATE_ARRAYS})
         memory = {name: array[rows] for name, array in self.memory.items()}
-        return replace(self, state=state, memory=memory, **{name: getattr(self, name)[rows] for name in EPISODE_ARRAYS})
+        own = None if self.parameters is None else self.parameters[rows]
+        return replace(
+            self,
+            state=state,
+            memory=memory,
+            parameters=own,
+            **{name: getattr(self, name)[rows] for name in EPISODE_ARRAYS},
+        )
 
     def copy(self) -> Self:
         return self[:]
@@ -77,7 +92,9 @@ class Snapshot:
         arrays = {name: getattr(self.state, name) for name in STATE_ARRAYS}
         arrays |= {name: getattr(self, name) for name in EPISODE_ARRAYS}
         arrays |= {f"{MEMORY}{name}": array for name, array in self.memory.items()}
-        FORMAT.write(Path(path), arrays, {"seed": self.seed, "memory": list(self.memory)})
+        arrays |= {} if self.parameters is None else {"parameters": self.parameters}
+        about = {"seed": self.seed, "memory": list(self.memory), "parameters": self.parameters is not None}
+        FORMAT.write(Path(path), arrays, about)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:
@@ -91,7 +108,8 @@ class Snapshot:
 
         def forms(metadata: dict[str, Any]) -> dict[str, Form]:
             FORMAT.check(path, metadata, DESCRIPTION)
-            return {name: _form(name) for name in (*STATE_ARRAYS, *EPISODE_ARRAYS)} | {
+            own = ["parameters"] if metadata.get("parameters") else []
+            return {name: _form(name) for name in (*STATE_ARRAYS, *EPISODE_ARRAYS, *own)} | {
                 f"{MEMORY}{name}": Form(None, ("environments", ...)) for name in metadata.get("memory", ())
             }
 
@@ -107,6 +125,7 @@ class Snapshot:
             **{name: arrays[name] for name in EPISODE_ARRAYS},
             seed=metadata["seed"],
             memory={name: arrays[f"{MEMORY}{name}"] for name in metadata.get("memory", ())},
+            parameters=arrays.get("parameters"),
         )
 
     def check_fits(self, levels: Levels, num_envs: int) -> None:
@@ -127,6 +146,15 @@ class Snapshot:
                 raise SegarError(
                     f"in this snapshot, '{name}' must be {_form(name).said(sizes)}, not {array.dtype} of shape {array.shape}"
                 )
+        parameters = levels.layout.parameters
+        own = np.zeros((0, len(parameters))) if self.parameters is None else self.parameters
+        own = own[~np.isnan(own).all(axis=1)]
+        if own.shape[1:] != (len(parameters),) or not all(
+            p.is_possible(own[:, column]).all() for column, p in enumerate(parameters)
+        ):
+            raise SegarError(
+                f"in this snapshot, 'parameters' must be values of {', '.join(p.__name__ for p in parameters)}"
+            )
         values, level = self.state.values, self.state.level
         if values.shape[1:] != levels.values.shape[1:] or not ((level >= 0) & (level < len(levels))).all():
             raise SegarError(
@@ -153,5 +181,5 @@ class Snapshot:
 
 def _form(name: str) -> Form:
     """What an array of the state or of the episodes must be in a file."""
-    axes = ("environments", "entities", "columns") if name == "values" else ("environments",)
-    return Form(DTYPES.get(name, "int64"), axes)
+    axes = {"values": ("entities", "columns"), "parameters": ("parameters",)}.get(name, ())
+    return Form(DTYPES.get(name, "int64"), ("environments", *axes))

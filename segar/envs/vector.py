@@ -18,8 +18,8 @@ from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import Snapshot
 from segar.envs.trials import MOST_TRIALS
 from segar.errors import LevelError, SegarError, did_you_mean, must_be
-from segar.language import Factor, Factors, Task
-from segar.levels import Levels, check_levels
+from segar.language import Factor, Factors, Parameter, Task
+from segar.levels import Levels, check_crossings, check_levels
 from segar.observations import BoundObservation, ObservationLike, draws_per_episode, for_task, make_observation
 from segar.rendering import RENDER_MODES, Camera, View, offered_modes, steps_per_second
 from segar.rules import World
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 Episodes: TypeAlias = "HostEpisodes | DeviceEpisodes"
 """Where episodes run, chosen once; both have the same face."""
+PARAMETERS = "parameters"  # what an intervention names in place of an entity to set a world parameter
 KEPT_IN_PICKLES = (
     *("observation_space", "single_observation_space", "action_space", "single_action_space"),  # and their generators
     *("_spec", "closed", "_np_random", "_np_random_seed"),  # Gymnasium's
@@ -140,7 +141,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         modes = {"autoreset_mode": self.autoreset_mode, "render_modes": offered_modes()}
         self.metadata = {**type(self).metadata, **modes}
-        self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
+        world = world or world_of(levels)
+        check_crossings(levels, world, self.task.sub_steps)
+        self.simulator = Simulator(world, levels.layout, self.task, num_threads)
         self.num_envs, self.copy = num_envs, copy
         self._actions = ActionRange(self.task, bool(unit_actions))
         self._started, self._spec = False, None
@@ -375,17 +378,24 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def intervene(self, entity: str, factor: type[Factor], value: Any, where: np.ndarray | None = None) -> Any:
         """Set a factor of one entity in the environments where ``where`` (bool, all if None); return observations.
 
-        What observations show of the past stays as it is.
+        Of the entity ``"parameters"`` the factor is a world parameter. It holds in these environments until their episodes
+        end, with all trials on their level, and snapshots hold it. What observations show of the past stays as it is.
 
         Raises:
-            LevelError: no entity of that name, or it has no such factor in a chosen environment.
+            LevelError: no entity of that name, or it has no such factor in a chosen environment; or things could pass each
+                other unseen then. SegarError: a world parameter of episodes on a GPU.
         """
         self.require_open("intervene")
         layout = self.levels.layout
-        layout.slot_index(entity)
         if not (isinstance(factor, type) and issubclass(factor, Factor)):
             raise SegarError(f"intervene: factor must be a class such as segar.Mass, not {shown(factor)}")
-        if factor not in layout.columns:
+        of_world = entity == PARAMETERS and issubclass(factor, Parameter)
+        if not of_world:
+            layout.slot_index(entity)
+        elif factor not in layout.parameters:
+            names = [parameter.__name__ for parameter in layout.parameters]
+            raise LevelError(f"no world parameter '{factor.__name__}'.{did_you_mean(factor.__name__, names)}")
+        if not of_world and factor not in layout.columns:
             layout.factor(factor.__name__)
         mask = array_of("intervene: where", where, np.bool_, self.num_envs)
         return self._episodes.intervene(

@@ -111,7 +111,7 @@ class Layout:
         if name in (p.__name__ for p in self.parameters):
             raise LevelError(
                 f"no entity has a factor '{name}', which is a world parameter: it belongs to the level, in Levels.parameters."
-                " To change it, take levels with another value"
+                f" To change it in a running episode, intervene('parameters', {name}, value)"
             )
         raise LevelError(f"no entity has a factor '{name}'.{did_you_mean(name, self.by_name)}")
 

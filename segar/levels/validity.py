@@ -82,7 +82,7 @@ def _check_values(levels: LevelData, name: str, where: str) -> None:
     layout, array = levels.layout, getattr(levels, name)
     for factor, column in layout.columns.items():
         numbers = array[:, :, column : column + factor.width]
-        has = _per_type(levels, factor)
+        has = per_type(levels, factor)
         wrong = np.where(has[..., None], ~factor.is_possible(numbers), ~np.isnan(numbers)).any(axis=2)
         for level, slot in np.argwhere(wrong)[:1]:
             shown = ", ".join(f"{x:g}" for x in numbers[level, slot])
@@ -96,7 +96,7 @@ def _check_values(levels: LevelData, name: str, where: str) -> None:
 def _check_outlines(levels: LevelData, where: str) -> None:
     """Things have a circle or a hull, other entities have no shape, and hulls enclose an area."""
     kind, count = levels.shape_kind, levels.vertex_count
-    fits = np.where(_per_type(levels, Shape), (kind == CIRCLE) | (kind == HULL), kind == 0)
+    fits = np.where(per_type(levels, Shape), (kind == CIRCLE) | (kind == HULL), kind == 0)
     for level, slot in np.argwhere(~fits)[:1]:
         raise LevelError(
             f"{where}level {level}: the shape kind of '{levels.layout.names[slot]}' is {kind[level, slot]} and must be"
@@ -125,6 +125,6 @@ def _encloses(hulls: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return finite & (polygon_areas(corners, counts) > 0.0)
 
 
-def _per_type(levels: LevelData, factor: type[Factor]) -> np.ndarray:
+def per_type(levels: LevelData, factor: type[Factor]) -> np.ndarray:
     """Which entities are of a type that declares the factor, bool ``(n, entities)``."""
     return np.array([*(factor in t.declared for t in levels.layout.types), False])[levels.types]

@@ -20,7 +20,8 @@ class World:
     Args:
         rules: rules or undecorated typed functions, which replace the default ones; or a :class:`RuleSpace`, which says of
             each level which of its rules hold.
-        limit: applied to velocities after all other rules of velocity; None for no limit.
+        limit: applied to velocities after all other rules of velocity; None for no limit, where fast bodies can pass through
+            others unseen.
         wall_contact: what a wall does to a body that touches it; None: bodies stop there.
         pair_contact: what two bodies do to each other when they touch; None: bodies pass through each other.
         solid: which bodies take part in pair contacts.

@@ -28,6 +28,7 @@ class Writer:
         self.lines: list[str] = []
         self.indent = 0
         self.groups: dict[str, Any] = {}  # the group that each loop variable runs over
+        self.knows_topmost = False  # whether top_i holds the floor that entity i is on
         self._atom = atom
         self._called = called
         self._scopes: list[dict[Symbol, str]] = [{}]

@@ -77,8 +77,8 @@ def usual_time() -> str:
 
 
 def is_compiled(path: Path) -> bool:
-    """Whether numba's cache holds the machine code of the module's entry point."""
-    return any((path.parent / MACHINE_CODE).glob(f"{path.stem}.advance-*.nbi"))
+    """Whether numba's cache holds the machine code of the module's entry point, and not only the index of it."""
+    return all(any((path.parent / MACHINE_CODE).glob(f"{path.stem}.advance-*.{ending}")) for ending in ("nbi", "nbc"))
 
 
 def _holds(path: Path, text: str) -> bool:

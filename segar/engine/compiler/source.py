@@ -85,7 +85,7 @@ class Source:
         shapes = f"V, kind, count, vertex, hull_radius, {a}, {b}"
         if what == "overlaps":
             return f"over({shapes})"
-        top = "top_i" if a == "i" else f"topmost(V, bits, kind, count, vertex, hull_radius, {a})"
+        top = "top_i" if a == "i" and w.knows_topmost else f"topmost(V, bits, kind, count, vertex, hull_radius, {a})"
         is_floor = self.matcher.match(w.groups[a], Pattern((Floor,)))
         off_floor = f"not ({match_test(a, is_floor)})" if is_floor else ""
         return both(f"{top} == {b}", off_floor, f"within({shapes})" if what == "contains" else "")

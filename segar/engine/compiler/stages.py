@@ -196,6 +196,7 @@ class StageWriter:
 
     def _write_topmost(self, w: Writer) -> None:
         """Find the floor that entity ``i`` is on, discs inline; as ``topmost`` in the device code."""
+        w.knows_topmost = True
         w.line("top_i = -1")
         for floor in self.groups:
             mask = self.matcher.match(floor, Pattern((language.Floor, language.Position)))
