@@ -231,6 +231,19 @@ class RuleSpace:
         name = [part, by, share, seed, list(rules)]
         return self._restricted(train if part == "train" else self.combinations.where(is_test), self.laws, name)
 
+    def unlike(self, other: "RuleSpace") -> "RuleSpace":
+        """The part of the space whose combinations of options another space cannot draw; options are told by their names.
+
+        Raises:
+            RuleError: the other space has options that this one lacks, or nothing is left.
+        """
+        active, shared = self.combinations.active, list(map(self.index, other.names))
+        is_known = np.isfinite(other.combinations.log_prob(active[:, shared]))
+        is_known &= ~np.delete(active, shared, axis=1).any(axis=1)
+        if is_known.all():
+            raise RuleError(f"unlike: {other!r} can draw all combinations of {self!r}, so nothing is left")
+        return self._restricted(self.combinations.where(~is_known), self.laws, ["unlike", other.content])
+
     def _test_combinations(self, by: str, share: float, seed: int, rules: Sequence[str]) -> np.ndarray:
         """Which combinations are for the test, bool ``(combinations,)``."""
         if by == "combinations":

@@ -1,5 +1,5 @@
 from .changes import contagion as contagion, growth as growth, sharing as sharing, unlocking as unlocking
-from .dynamics import dynamics_space as dynamics_space
+from .dynamics import dynamics_space as dynamics_space, law_space as law_space
 from .forces import (
     anchor_spring as anchor_spring,
     central_force as central_force,

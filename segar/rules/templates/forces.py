@@ -24,7 +24,7 @@ from segar.language import (
     sqrt,
     where,
 )
-from segar.noise import Choice
+from segar.noise import Choice, Noise
 from segar.rules.rule_option import RuleOption
 from segar.rules.templates.arguments import made_constant, require_numbers
 
@@ -34,17 +34,39 @@ PLACE = Choice([-0.5, 0.0, 0.5])  # [m], a coordinate in the arena
 
 
 def central_force(
-    name: str, source: type[Factor] = Charge, target: type[Factor] = Charge, exponent: float = 2, strength: Any = SIGNED
+    name: str, source: type[Factor] = Charge, target: type[Factor] = Charge, exponent: Any = 2, strength: Any = SIGNED
 ) -> RuleOption:
     """A force along the line between two bodies: ``strength * s * t / r**exponent`` away from the source, where s and t are
     the factors of source and target, r [m] is their distance; positive strengths repel like ones.
 
     Args:
-        exponent: any number; 0 is a force that distance does not change, -1 a spring of length 0.
+        exponent: any number; 0 is a force that distance does not change, -1 a spring of length 0. A distribution makes it a
+            constant that each level draws.
         strength: [N m^exponent] by the units of both factors; a number or a distribution.
     """
     require_numbers(name, source, target)
     k = made_constant(name, "strength", 0.0)
+    s, t = source.__name__, target.__name__
+    way = "bodies away from each other" if s == t else f"what has the {t} away from what has the {s}"
+    words = f"a force {{{k.__name__}}} x {s} x {t} / distance^{{exponent}} pushes {way}"
+    if isinstance(exponent, Noise):
+        n = made_constant(name, "exponent", 2.0)
+
+        def central_power(
+            one: Tuple[Position, source],
+            other: Tuple[Position, target, Mass, Acceleration],
+            strength: k,
+            exponent: n,
+        ) -> Aggregate[Acceleration]:
+            x1, s = one
+            x2, t, m, a = other
+            away = x2 - x1
+            r2 = away.dot(away)
+            per_r2 = r2 ** (-0.5 * (exponent + 1.0))
+            return Aggregate[Acceleration](a, away * where((r2 != 0) & (m != 0), strength * s * t * per_r2 / m, 0.0))
+
+        constants = {k: strength, n: exponent}
+        return RuleOption(name, central_power, constants, words=words.replace("{exponent}", f"{{{n.__name__}}}"))
     power = -0.5 * (_finite(name, "exponent", exponent) + 1.0)
 
     def central_force(
@@ -57,10 +79,7 @@ def central_force(
         per_r2 = _power_of_square(r2, power)
         return Aggregate[Acceleration](a, away * where((r2 != 0) & (m != 0), strength * s * t * per_r2 / m, 0.0))
 
-    s, t = source.__name__, target.__name__
-    way = "bodies away from each other" if s == t else f"what has the {t} away from what has the {s}"
-    words = f"a force {{{k.__name__}}} x {s} x {t} / distance^{exponent:g} pushes {way}"
-    return RuleOption(name, central_force, {k: strength}, words=words)
+    return RuleOption(name, central_force, {k: strength}, words=words.replace("{exponent}", f"{exponent:g}"))
 
 
 def pair_spring(name: str, stiffness: Any = POSITIVE, length: Any = 0.5) -> RuleOption:

@@ -26,7 +26,7 @@ from segar.levels import Levels, active_options, family, rules_in_words, shared_
 from segar.noise import Bernoulli, Choice, DiscreteRangeNoise, GaussianNoise, LogUniform, UniformNoise
 from segar.rules import RuleOption, RuleSpace, World, constant, lorentz_law
 from segar.rules.rule_option import same_options
-from segar.rules.templates import central_force, dynamics_space, hiding, portal, sharing, uniform_field
+from segar.rules.templates import central_force, dynamics_space, hiding, law_space, portal, sharing, uniform_field
 
 PUSH = constant("push_of_tests", 0.0, "m/s^2")
 PULL = constant("pull_of_tests", 1.0, "1/s", (0.0, 10.0))
@@ -408,6 +408,20 @@ def test_every_two_options_of_the_built_in_space_meet_unless_they_exclude_each_o
     meet = space.combinations.together
     found = {frozenset((a, b)) for a, b in combinations(space.names, 2) if not meet[space.index(a), space.index(b)]}
     assert found == apart and space.rule_sets > 1_000_000
+
+
+def test_laws_to_be_found_are_none_that_training_has():
+    known, space = dynamics_space(), law_space()
+    train, levels = known.split("train"), EMPTY.with_rules(space).sample(3000)
+    active, shared = active_options(levels), len(known.options)
+    is_old = ~active[:, shared:].any(axis=1)
+    assert space.names[:shared] == known.names and 0 < is_old.sum() < 3000
+    assert np.isinf(train.combinations.log_prob(active[is_old, :shared])).all()
+    assert np.isfinite(EMPTY.with_rules(space).log_prob(levels, normalised=False)).all()
+    for parameter, law in known.laws.items():
+        assert space.laws[parameter].support == law.support
+    with pytest.raises(RuleError, match="can draw all combinations"):
+        train.unlike(known)
 
 
 def test_templates_of_one_name_share_their_constants():
