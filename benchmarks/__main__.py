@@ -6,6 +6,7 @@ from benchmarks.drawing import drawing
 from benchmarks.environments import environments, resets, single, startup
 from benchmarks.frameworks import frameworks
 from benchmarks.gpu import gpu
+from benchmarks.lab import lab
 from benchmarks.mathematics import speed
 from benchmarks.measure import print_parts
 from benchmarks.networks import networks
@@ -32,6 +33,7 @@ PARTS = {
     "startup": startup,
     "targets": targets,
     "rule_sets": rule_sets,
+    "lab": lab,
     "mathematics": speed,
 }
 

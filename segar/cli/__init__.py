@@ -1,4 +1,4 @@
-"""The command ``segar``: levels, their distances and hardness, kernels, pictures, a game, pages, recordings, questions,
+"""The command ``segar``: levels, their distances and hardness, kernels, pictures, a game, pages, recordings, labs,
 suites, published results, citations."""
 
 import argparse
@@ -12,10 +12,10 @@ from segar.cli import (
     gallery,
     hardness,
     kernels,
+    lab,
     levels,
     play,
     playground,
-    queries,
     record,
     results,
     studio,
@@ -70,7 +70,7 @@ def make_parser() -> argparse.ArgumentParser:
         playground,
         studio,
         record,
-        queries,
+        lab,
         suites,
         results,
         cite,

@@ -2,7 +2,7 @@
 
 import importlib.util
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -37,19 +37,12 @@ def draw_marginals(distribution: LevelDistribution, path: str, title: str) -> No
     Raises:
         SegarError: matplotlib is not installed, the format is not known, nothing varies, or the file cannot be written.
     """
-    target = Path(path)
-    if target.suffix.lower() not in FORMATS:
-        raise SegarError(f"a figure is png, pdf or svg, not '{path}'.{did_you_mean(target.suffix, FORMATS)}")
-    if importlib.util.find_spec("matplotlib") is None:
-        raise SegarError("a figure needs matplotlib, which is not installed: pip install segar[analysis]")
-    from matplotlib.figure import Figure  # not pyplot: no window, no global state
-
     panels = _panels(distribution)
     if not panels:
         raise SegarError(f"every factor of '{title}' is constant: there is nothing to draw")
     columns = min(COLUMNS, len(panels))
     lines = -(-len(panels) // columns)
-    figure = Figure(figsize=(PANEL * columns, PANEL * lines + 0.4), layout="constrained")
+    figure = _new_figure(path, PANEL * columns, PANEL * lines + 0.4)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
     for axis, panel in zip(axes, panels, strict=False):
         panel.draw(axis)
@@ -58,8 +51,49 @@ def draw_marginals(distribution: LevelDistribution, path: str, title: str) -> No
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
     figure.suptitle(f"{title}: marginals that are not constant", fontsize=10)
-    with replacing(target, "the figure") as beside:
-        figure.savefig(beside, format=target.suffix[1:].lower(), dpi=150)
+    _save(figure, path)
+
+
+def draw_grades(means: Sequence[Mapping[str, Any]], path: str) -> None:
+    """Draw the mean scores of baselines in labs against the budget, with their intervals, into a file.
+
+    Args:
+        means: one for each ``baseline`` and ``budget``, with ``score``, ``low`` and ``high``.
+
+    Raises:
+        SegarError: as :func:`draw_marginals`.
+    """
+    figure = _new_figure(path, 2.2 * PANEL, 1.6 * PANEL)
+    axis = figure.subplots()
+    for k, name in enumerate(dict.fromkeys(row["baseline"] for row in means)):
+        own = [row for row in means if row["baseline"] == name]
+        score, low, high = (np.array([row[column] for row in own]) for column in ("score", "low", "high"))
+        at = np.array([row["budget"] for row in own]) * 1.03**k  # beside each other
+        style = {"linestyle": "--" if "passive" in name else "-", "marker": "o", "markersize": 3, "capsize": 2}
+        axis.errorbar(at, score, np.nan_to_num([score - low, high - score]), label=name, **style)
+    axis.set_xscale("log")
+    axis.set_xlabel("budget [steps]")
+    axis.set_ylabel("score, mean of hidden worlds, 95 %")
+    axis.set_ylim(-0.05, 1.05)
+    axis.legend(fontsize=7, frameon=False)
+    _save(figure, path)
+
+
+def _new_figure(path: str, width: float, height: float) -> Any:
+    """A figure that :func:`_save` can write to the path."""
+    suffix = Path(path).suffix
+    if suffix.lower() not in FORMATS:
+        raise SegarError(f"a figure is png, pdf or svg, not '{path}'.{did_you_mean(suffix, FORMATS)}")
+    if importlib.util.find_spec("matplotlib") is None:
+        raise SegarError("a figure needs matplotlib, which is not installed: pip install segar[analysis]")
+    from matplotlib.figure import Figure  # not pyplot: no window, no global state
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _save(figure: Any, path: str) -> None:
+    with replacing(Path(path), "the figure") as beside:
+        figure.savefig(beside, format=Path(path).suffix[1:].lower(), dpi=150)
 
 
 def together(names: Sequence[str]) -> str:

@@ -5,6 +5,7 @@ from .dynamics import (
     dynamics_w2,
     readings_of as readings_of,
     rule_set_distances,
+    squared_distances as squared_distances,
 )
 from .entropy_estimate import sample_entropy
 from .kolmogorov import dkw_band as dkw_band, ks, ks_by_factor, ks_report

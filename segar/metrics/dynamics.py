@@ -226,7 +226,7 @@ def rule_set_distances(a: Levels, b: Levels, situations: HasOutcomes) -> np.ndar
     _require("rule_set_distances", a, b, situations)
     x = situations.outcomes(a)
     y = x if a is b else situations.outcomes(b)
-    return np.sqrt(_squares(x, y, 1)[0])[np.ix_(x.of_level, y.of_level)]
+    return np.sqrt(squared_distances(x, y, 1)[0])[np.ix_(x.of_level, y.of_level)]
 
 
 def dynamics_w2(
@@ -248,7 +248,7 @@ def dynamics_w2(
     checks.require_count("dynamics_w2", "resamples", resamples, 2)
     x, y = situations.outcomes(a), situations.outcomes(b)
     both, n = _joined(x, y), len(a)
-    blocks = _squares(both, both, BLOCKS)[:, both.of_level][..., both.of_level]
+    blocks = squared_distances(both, both, BLOCKS)[:, both.of_level][..., both.of_level]
     weights = [len(part) for part in _blocks(both, BLOCKS)]
     without = [
         np.sqrt(emd(np.average(np.delete(blocks, k, 0), axis=0, weights=np.delete(weights, k))[:n, n:]))
@@ -295,7 +295,7 @@ def _differences(x: Outcomes, y: Outcomes) -> np.ndarray:
     return (flat.reshape(apart.shape) ** 2).mean(axis=1)
 
 
-def _squares(x: Outcomes, y: Outcomes, blocks: int) -> np.ndarray:
+def squared_distances(x: Outcomes, y: Outcomes, blocks: int) -> np.ndarray:
     """Squared distances of all rule sets in each block of situations, float64 ``(blocks, rule sets of x, of y)``."""
     plays, horizons = x.values.shape[2:4]
     found = []

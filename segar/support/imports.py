@@ -205,6 +205,7 @@ EXTRAS = {
     "render": ("pygame", "imageio", "imageio_ffmpeg", "PIL"),
     "datasets": ("minari", "h5py"),
     "filters": ("safetensors",),
+    "lab": ("mcp",),
     "sb3": ("stable_baselines3",),
     "results": ("pooch",),
     "studio": ("starlette", "uvicorn"),

@@ -22,7 +22,7 @@ SNAPSHOT = Path(__file__).with_name("public_api.txt")
 ROOMS = (
     "segar", "segar.language", "segar.rules", "segar.noise", "segar.levels", "segar.tasks", "segar.textures", "segar.metrics",
     "segar.observations", "segar.rendering", "segar.envs", "segar.hardness", "segar.policies", "segar.evaluation",
-    "segar.datasets", "segar.queries", "segar.suites", "segar.playground", "segar.engine", "segar.errors",
+    "segar.datasets", "segar.lab", "segar.suites", "segar.playground", "segar.engine", "segar.errors",
     "experiments.settings", "experiments.algorithms", "experiments.curricula",
 )  # fmt: skip
 MOST_NAMES_AT_THE_ROOT, MOST_NAMES = 77, 200

@@ -82,20 +82,21 @@ record empty-easy -o d --observation nope    | nope
 record empty-easy -o d --task nope           | nope
 record empty-easy -o x.mp4 --check           | --check
 record empty-easy -o x.mp4 --size 65         | 65
-queries                                      | command
-queries nope                                 | nope
-queries write                                | family
-queries write empty-easy                     | output
-queries write nope -o q.jsonl                | nope
-queries write empty-easy -o q.jsonl -n 0     | '0'
-queries write empty-easy -o q.jsonl --kinds  | kinds
-queries write empty-easy -o q.jsonl --kinds guess | guess
-queries write empty-easy -o q.jsonl --kinds plan plan | different
-queries write empty-easy -o q.jsonl --world nope | nope
-queries grade                                | QUESTIONS
-queries grade nope.jsonl nope.jsonl          | nope.jsonl
-queries grade file file                      | file: line 1
-queries grade ok.npz ok.npz                  | ok.npz: line 1
+lab                                          | command
+lab nope                                     | nope
+lab serve --budget 0                         | '0'
+lab serve --family nope                      | nope
+lab serve --world nope                       | nope
+lab serve --world segar:World                | rule space
+lab serve --noise x                          | 'x'
+lab serve --noise -1                         | noise
+lab serve --session ok.npz                   | ok.npz
+lab baselines                                | output
+lab baselines --baselines nope -o g.csv      | nope
+lab baselines -o file                        | file
+lab figure                                   | TABLE
+lab figure nope.csv -o f.png                 | nope.csv
+lab figure ok.npz -o f.png                   | ok.npz
 play nope                                    | nope
 play empty-easy --size 1                     | '1'
 play empty-easy --speed x                    | 'x'
@@ -110,7 +111,7 @@ OWN = (  # commands that take an object of the user's
     "kernel show {}",
     "distance ok.npz ok.npz --world {}",
     "hardness ok.npz --task {}",
-    "queries write {} -o q.jsonl",
+    "lab baselines --family {} -o q.csv",
 )
 NAMES = {
     ".:x": "module:attribute",

@@ -1,4 +1,4 @@
-"""Questions about worlds: predict, plan, explain, counterfactual; made and graded by the simulator. No model is called.
+"""The lab: an agent experiments in a world whose rules are hidden, and its answer is graded by distances between dynamics.
 
 The room plays levels by given actions. Other rooms use the names below.
 """
