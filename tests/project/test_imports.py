@@ -44,6 +44,7 @@ TORCH = ("torch", "torchrl", "tensordict")
 THE_TORCH_FILES = ("segar/envs/torchrl_env.py", "segar/envs/device_episodes.py")
 THE_ONLY_MATPLOTLIB_FILE = "segar/cli/figures.py"
 PLACES_WITH_AN_EXTRA = {
+    "segar/lab/mcp_server.py": "lab",
     "segar/cli/": "render",
     "segar/rendering/": "render",
     "segar/datasets/": "datasets",

@@ -87,7 +87,7 @@ lab nope                                     | nope
 lab serve --budget 0                         | '0'
 lab serve --family nope                      | nope
 lab serve --world nope                       | nope
-lab serve --world segar:World                | rule space
+lab serve --world segar:DEFAULT_RULES        | rule space
 lab serve --noise x                          | 'x'
 lab serve --noise -1                         | noise
 lab serve --session ok.npz                   | ok.npz
