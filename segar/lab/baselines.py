@@ -152,7 +152,7 @@ def grade_baselines(
         grader = Grader(replace(lab, world=world)) if missing else None
         for budget, name in missing:
             rows.append({"lab": identity, **_row(grader, world, budget, name)})  # type: ignore[arg-type]
-            with replacing(path, "the grades") as beside, beside.open("w", newline="") as file:
+            with replacing(path, "the grades") as beside, beside.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.DictWriter(file, COLUMNS)
                 writer.writeheader()
                 writer.writerows(rows)
@@ -162,7 +162,7 @@ def grade_baselines(
 def read_grades(path: str | PathLike[str]) -> list[dict[str, Any]]:
     """The rows of a table of grades, as text; raises :class:`SegarError` where the file is none."""
     try:
-        with Path(path).open(newline="") as file:
+        with Path(path).open(newline="", encoding="utf-8") as file:
             reader = csv.DictReader(file)
             rows = list(reader)
     except (OSError, UnicodeDecodeError, csv.Error) as error:

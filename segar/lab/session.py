@@ -202,7 +202,7 @@ class Session:
         for part in Mark._fields:
             mean = float(np.mean([getattr(mark, part) for mark in marks.values()]))
             low, high = wilson_interval(mean, len(marks))  # of scores it is rather too wide
-            shares[part] = Interval(mean, min(mean, float(low)), max(mean, float(high)))._asdict()
+            shares[part] = Interval(mean, float(low), float(high))._asdict()
         return {"marks": {name: mark._asdict() for name, mark in marks.items()}, **shares}
 
 
