@@ -173,25 +173,23 @@ class DeviceEpisodes:
         if seed is not None:
             self.host.now.seed = seed
             self._tensors["episodes"].zero_()
-        levels = None if chosen is None else self._tensor(chosen)
+        levels, self._over = None if chosen is None else self._tensor(chosen), self._over & ~mask
         self._start_episodes(mask, levels)
         never = self._new((), torch.bool, zero=True)
         return self.observe(), with_masks(self._info(never, never.clone()), mask.clone())
 
     def step(self, actions: Any) -> tuple[Any, ...]:
         """Observations, reward, terminated, truncated and info after a step; see :meth:`segar.envs.VectorEnv.step`."""
-        seen, outcome = self._outputs()
+        (seen, outcome), over = self._outputs(), self._over
         task, autoreset = self._simulator.task, self.host.autoreset
-        next_step, over = autoreset is AutoresetMode.NEXT_STEP, self._over
-        meant = ~over if next_step else self._everywhere
         given: dict[str, Any] = {"actions": self._actions_of(actions), "with_task": True}
-        given |= {"sub_steps": task.sub_steps, "max_steps": task.max_steps, "meant": meant, **outcome}
+        given |= {"sub_steps": task.sub_steps, "max_steps": task.max_steps, "meant": ~over, **outcome}
         given |= {f"result_{field.name}": outcome[field.name] for field in fields(StepResult)}
         self._launch(self._check, given)
         self._launch(Call(self._step, {}), given)
         self._launch_all(self._advance, given)
         self._launch(self._count, given)
-        if next_step:
+        if autoreset is AutoresetMode.NEXT_STEP:
             for array in outcome.values():
                 array.masked_fill_(over, 0)
             self._start_episodes(over, None)
@@ -335,8 +333,6 @@ class DeviceEpisodes:
         raise SegarError(f"{method}: episodes on a GPU keep their levels; use device='cpu', or make other environments")
 
     def _start_episodes(self, where: torch.Tensor, chosen: torch.Tensor | None) -> None:
-        if self.host.autoreset is AutoresetMode.NEXT_STEP:
-            self._over = self._over & ~where
         given = {"meant": where, "seed": self.host.now.seed, "chosen": self._anywhere if chosen is None else chosen}
         self._launch_all(self._start, given)
 

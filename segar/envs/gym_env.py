@@ -85,9 +85,9 @@ class Env(gymnasium.Env):
             raise SegarError(f"reset: unknown option '{name}'.{did_you_mean(str(name), known)}")
         super().reset(seed=None if seed is None else seed_of(seed))
         trial = whole_number("reset: option 'trial'", trial, 0, self._batch.trials - 1)
+        batch_options = {"environment": place}
         if level is not None:
-            level = whole_number("reset: option 'level'", level, 0, len(self.levels) - 1)
-        batch_options = {"environment": place} | ({} if level is None else {"levels": np.array([level])})
+            batch_options["levels"] = np.array([whole_number("reset: option 'level'", level, 0, len(self.levels) - 1)])
         observations, info = self._batch.reset(seed=[seed] if place else seed, options=batch_options)
         for _ in range(trial):
             observations, info = self._batch.reset()

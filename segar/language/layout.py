@@ -5,7 +5,7 @@ distribution can have; a slot lists the entity types that may fill it. All slots
 lacks a factor holds nan there.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -177,29 +177,32 @@ def _common_parent(types: tuple[type[Entity], ...]) -> type[Entity]:
     return next(c for c in types[0].__mro__ if issubclass(c, Entity) and all(issubclass(t, c) for t in types))
 
 
-class Factors(Mapping[str, np.ndarray]):
+class Factors(dict[str, np.ndarray]):
     """Factors by name, and where entities are among them: what functions of a task and scripted players are given.
+
+    Reading one by its name gives a copy; an unknown name is a :class:`LevelError`.
 
     Args:
         layout: of the levels.
         arrays: name to float64 ``(num_envs, entities)``, vectors ``(num_envs, entities, 2)``, nan where an entity lacks the
-            factor: ``info["factors"]``, or :meth:`Layout.named`. Of a single environment, they have no first axis.
+            factor, as :meth:`Layout.named` gives them. Of a single environment, they have no first axis.
     """
 
     def __init__(self, layout: Layout, arrays: Mapping[str, np.ndarray]) -> None:
-        self._layout, self._arrays = layout, arrays
+        super().__init__(arrays)
+        self._layout = layout
 
     @property
     def num_envs(self) -> int:
         """Length of the arrays' first axis."""
-        return len(self._arrays[next(iter(self))])
+        return len(next(iter(self.values())))
 
     def batch(self) -> "Factors":
         """The factors as those of a batch: the same, or a batch of one of a single environment."""
-        name = next(iter(self))
-        if self._arrays[name].ndim > self._layout.factor(name).width:
+        name, array = next(iter(self.items()))
+        if array.ndim > self._layout.factor(name).width:
             return self
-        return Factors(self._layout, {name: self._arrays[name][None] for name in self})
+        return Factors(self._layout, {name: array[None] for name, array in self.items()})
 
     def slots(self, entity_type: type[Entity]) -> list[int]:
         """Places of the arrays' entities where only entities of this type can be; raises :class:`LevelError`."""
@@ -210,15 +213,5 @@ class Factors(Mapping[str, np.ndarray]):
         return found
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A copy of the factor called ``name``; raises :class:`LevelError`."""
         self._layout.factor(name)
-        return self._arrays[name].copy()
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._layout.by_name
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._layout.by_name)
-
-    def __len__(self) -> int:
-        return len(self._layout.by_name)
+        return super().__getitem__(name).copy()

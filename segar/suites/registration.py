@@ -39,9 +39,8 @@ def make_vector_env(
         SuiteError: the suite is about textures, and the observation is ``state``; an option is the suite's; or there are not
             so many test levels.
     """
-    limit = NO_LIMIT if max_episode_steps == -1 else max_episode_steps
     made = _arguments(suite_name, side, {"true_factors": False, **options})
-    return VectorEnv(num_envs=num_envs, max_steps=limit, **made)
+    return VectorEnv(num_envs=num_envs, max_steps=NO_LIMIT if max_episode_steps == -1 else max_episode_steps, **made)
 
 
 def _arguments(suite_name: str, side: str, options: dict[str, Any]) -> dict[str, Any]:
