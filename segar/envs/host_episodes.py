@@ -206,16 +206,11 @@ class HostEpisodes:
 
     def _intervene_on_parameter(self, parameter: type[Parameter], value: Any, mask: np.ndarray) -> Any:
         """Let these environments go on in worlds in which the parameter has another value."""
-        number = parameter.check(value)
-        if not parameter.is_possible(np.array(number)):
-            raise LevelError(
-                f"intervene: the world parameter {parameter.__name__} must be {parameter.possible_values()}, not {value!r}"
-            )
         levels, snapshot = self.pool.levels, self.state()
         own = np.full((self.num_envs, len(levels.layout.parameters)), np.nan)
         own = own if snapshot.parameters is None else snapshot.parameters
         own[mask] = levels.parameters[self.now.state.level[mask]]
-        own[mask, levels.layout.parameters.index(parameter)] = number
+        own[mask, levels.layout.parameters.index(parameter)] = parameter.check(value)
         if parameter is FloorFriction:
             values = snapshot.state.values[mask]
             levels.layout.set_floor(values, own[mask])

@@ -148,13 +148,12 @@ class Snapshot:
                 )
         parameters = levels.layout.parameters
         own = np.zeros((0, len(parameters))) if self.parameters is None else self.parameters
-        own = own[~np.isnan(own).all(axis=1)]
-        if own.shape[1:] != (len(parameters),) or not all(
-            p.is_possible(own[:, column]).all() for column, p in enumerate(parameters)
-        ):
-            raise SegarError(
-                f"in this snapshot, 'parameters' must be values of {', '.join(p.__name__ for p in parameters)}"
-            )
+        if own.shape[1:] != (len(parameters),):
+            raise SegarError(f"in this snapshot, 'parameters' must have {len(parameters)} columns, not {own.shape[1:]}")
+        for column, parameter in enumerate(parameters):
+            numbers = own[~np.isnan(own).all(axis=1), column]
+            if not parameter.is_possible(numbers).all():
+                raise SegarError(f"the world parameter {parameter.__name__} must be {parameter.possible_values()}")
         values, level = self.state.values, self.state.level
         if values.shape[1:] != levels.values.shape[1:] or not ((level >= 0) & (level < len(levels))).all():
             raise SegarError(

@@ -83,10 +83,8 @@ def _refusal(
         return "'try' and 'with': what raises while it is compiled is not what raises for numbers; test with 'if'"
     if at.opname == "IS_OP" and not (before.opname == "LOAD_CONST" and before.argval is None):
         return "'is': a number is another object each time, and none while the rule is compiled; write '==', or 'x is None'"
-    makes_another = "PUSH_NULL" in (
-        before.opname,
-        *(one.opname for one in after),
-    )  # calls the type, as in type(v)(x, y)
+    # To call what type(v) is, as in type(v)(x, y), makes another vector.
+    makes_another = "PUSH_NULL" in {before.opname, *(one.opname for one in after)}
     asks = at.argval == "id" or (at.argval == "type" and not makes_another)
     is_builtin = at.opname in ("LOAD_GLOBAL", "LOAD_NAME") and at.argval not in function.__globals__
     if (asks and is_builtin) or (at.opname == "LOAD_ATTR" and at.argval == "__class__"):
