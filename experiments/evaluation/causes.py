@@ -1,20 +1,17 @@
 """What the failures of a trained agent come from: its test levels and their causal twins, played by the agent."""
 
-import csv
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from experiments.evaluation.episodes import Agent, play_in_modes
 from experiments.levels.builders import Prepared
-from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, is_level_file
+from experiments.settings import ConfigError, EvaluateConfig, RunConfig, is_level_file
 from segar.errors import SuiteError
 from segar.levels import Levels
 from segar.suites import Causes, Suite, Twin, Twins, causes_of, looks_like, own_suite, suite, suites
-from segar.support import replacing
 
 CAUSES = "causes.csv"  # in the folder of an evaluation: a row per action mode and group of factors
 EnvironmentOptions = Callable[[str], Mapping[str, Any]]
@@ -40,7 +37,7 @@ def suite_played(config: EvaluateConfig, trained: RunConfig, levels: Levels) -> 
     run = Prepared(dataclasses.replace(trained, levels=tested))
     name = f"{tested.train} to {tested.test_distribution}"
     try:
-        return own_suite(run.train_distribution, run.test_distribution, task=run.task, name=name, test_levels=levels)
+        return own_suite(run.train_distribution, run.test_distribution, levels, task=run.task, name=name)
     except SuiteError as error:
         raise ConfigError(f"twins: {error}") from error
 
@@ -64,12 +61,3 @@ def play_twins(
 
         found[mode] = causes_of(twins, success)
     return found
-
-
-def write_causes(path: Path, causes: Mapping[str, Causes]) -> None:
-    """Write a table with a row per action mode and group of factors; raises :class:`RunFolderError` if that is impossible."""
-    rows = [{"action_mode": mode, **row} for mode, one in causes.items() for row in one.rows()]
-    with replacing(path, "the table", RunFolderError) as beside, beside.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)

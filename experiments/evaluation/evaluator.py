@@ -15,7 +15,7 @@ from experiments.algorithms.learner import PolicyNetwork
 from experiments.algorithms.portable import PortableAgent, network_of
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
-from experiments.evaluation.causes import CAUSES, play_twins, suite_played, write_causes
+from experiments.evaluation.causes import CAUSES, play_twins, suite_played
 from experiments.evaluation.episodes import Agent, action_rng, as_policy, play_in_modes, trial_figures
 from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import (
@@ -60,7 +60,7 @@ from segar.evaluation import QUANTITIES, Baselines, Idle, find_baselines
 from segar.levels import Levels, hash_of_levels
 from segar.policies import NETWORK_FILE, Network
 from segar.rendering import View, check_video, write_video
-from segar.suites import twins
+from segar.suites import twins, write_causes
 from segar.support import EVERYTHING, counted, named_object
 
 COUNT = 100  # levels of a distribution, where the number is not given
@@ -135,7 +135,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
         causes = play_twins(
             policy, made, partial(options_of, folder, trained, with_twins.name), config.modes, config.seed
         )
-        write_causes(out / CAUSES, causes)
+        write_causes(out / CAUSES, [{"action_mode": mode, **row} for mode, one in causes.items() for row in one.rows()])
         for mode, found_causes in causes.items():
             say(f"{mode} actions, {found_causes}")
     if config.videos != "none":

@@ -19,7 +19,7 @@ import segar
 from experiments.levels.builders import LevelFile, Prepared, observation_seen
 from experiments.runs.own_files import digest_executed, file_digest, own_files
 from experiments.runs.own_modules import find_file, modules_named, modules_reached
-from experiments.runs.run_folder import VERSIONS, read_versions
+from experiments.runs.run_folder import read_versions
 from experiments.runs.source_text import executed, normalised
 from experiments.settings import RunConfig, UniformConfig, as_data, flat
 from segar.engine import generate
@@ -109,9 +109,8 @@ def combined(parts: Mapping[str, str]) -> str:
 
 def changed_parts(folder: Path, code: Mapping[str, str] | None) -> list[str]:
     """Names of the parts of ``code``, today's, that were others when the run in ``folder`` began; none where none began."""
-    if code is None or not (folder / VERSIONS).exists():
-        return []
-    return differing_parts(read_versions(folder).get("code", {}), code)
+    recorded = read_versions(folder)
+    return [] if code is None or not recorded else differing_parts(recorded.get("code", {}), code)
 
 
 def differing_parts(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:

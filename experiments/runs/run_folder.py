@@ -253,8 +253,7 @@ def _other_precision(folder: Path, config: RunConfig) -> Iterator[str]:
 
 def precision_in(folder: Path) -> str:
     """The precision that the run in ``folder`` is computed in, ``bf16`` or ``fp32``; empty where the folder does not say."""
-    recorded = read_versions(folder) if (folder / VERSIONS).exists() else {}
-    return recorded.get("arithmetic", {}).get("precision", "")
+    return read_versions(folder).get("arithmetic", {}).get("precision", "")
 
 
 def computed_as_begun(folder: Path, config: RunConfig) -> RunConfig:
@@ -316,8 +315,9 @@ def of_another_agent(folder: Path, evaluation: Mapping[str, Any]) -> str:
 
 
 def read_versions(folder: Path) -> dict[str, Any]:
-    """Libraries, commit, code fingerprint and level hashes of the run."""
-    return read_json(Path(folder) / VERSIONS)
+    """Libraries, commit, code fingerprint and level hashes of the run; empty before it has begun."""
+    path = Path(folder) / VERSIONS
+    return read_json(path) if path.exists() else {}
 
 
 def read_episodes(folder: Path) -> pa.Table:

@@ -28,7 +28,6 @@ from experiments.runs.run_folder import (
     LEVELS_TEST,
     LEVELS_TRAIN,
     RESULTS,
-    VERSIONS,
     is_finished,
     is_locked,
     of_another_agent,
@@ -320,7 +319,7 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
             journal = read_journal(folder)
             problem = journal[-1].get("error", "") if journal else ""
             return RunRow(folder, state, problem, settings, sweeps=sweeps, name=config.label())
-        about = read_versions(folder) if (folder / VERSIONS).exists() else {}
+        about = read_versions(folder)
         parts = about.get("code", {})
         figures, seen = _figures(folder), _seen(folder, config.levels, about)
         scores, unscored, planner = _score(folder, config)

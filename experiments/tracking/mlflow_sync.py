@@ -22,13 +22,10 @@ from typing import TYPE_CHECKING, Any
 from experiments.runs.files import read_json
 from experiments.runs.run_folder import (
     EPISODES,
-    LEVELS_TEST,
-    LEVELS_TRAIN,
     PLAYED,
     REPLACED,
     SUMMARY,
     SYNC_STATE,
-    VERSIONS,
     read_versions,
     runs_root,
     write_json,
@@ -154,7 +151,7 @@ class RunSync:
         from mlflow.entities import Param, RunTag
         from mlflow.tracking.context.registry import resolve_tags
 
-        made = read_versions(self.folder) if (self.folder / VERSIONS).exists() else {}
+        made = read_versions(self.folder)
         tags = {
             **resolve_tags(),
             "mlflow.source.name": "experiments.train",
@@ -176,12 +173,9 @@ class RunSync:
         from mlflow.entities import Dataset, DatasetInput, InputTag
 
         names = {"train": self.config.levels.train, "test": self.config.levels.test_distribution}
-        files = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}
+        source = json.dumps({"uri": str(self.folder)})
         return [
-            DatasetInput(
-                Dataset(names[which], digest, "local", json.dumps({"uri": str(self.folder / files[which])})),
-                [InputTag("mlflow.data.context", which)],
-            )
+            DatasetInput(Dataset(names[which], digest, "local", source), [InputTag("mlflow.data.context", which)])
             for which, digest in hashes.items()
         ]
 

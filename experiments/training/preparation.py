@@ -118,7 +118,7 @@ def _arithmetics(config: RunConfig, learner: Learner, folder: Path, say: Callabl
             f"{config.label()}: goes on in {now['precision']}, in which it was begun, although algorithm.precision=auto means"
             f" {here} on this machine"
         )
-    before = read_versions(folder) if learner.frames and (folder / VERSIONS).exists() else {}
+    before = read_versions(folder) if learner.frames else {}
     earlier, last = before.get("arithmetic_before", []), before.get("arithmetic")
     if last is not None and last != now:
         earlier = [*earlier, last]

@@ -1,5 +1,12 @@
 from .causal_twins import ALL_THAT_DIFFERS as ALL_THAT_DIFFERS, Twin as Twin, Twins as Twins, twins
-from .causes import Cause as Cause, Causes as Causes, causes_of as causes_of, find_causes, looks_like as looks_like
+from .causes import (
+    Cause as Cause,
+    Causes as Causes,
+    causes_of as causes_of,
+    find_causes,
+    looks_like as looks_like,
+    write_causes as write_causes,
+)
 from .freezing import admission, freeze, own_suite
 from .gymnasium_ids import register_suites as register_suites
 from .rules_by_name import RULES as RULES

@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -37,6 +38,7 @@ SAYS = {
     OTHERS: "all other factors that vary",
     ALL_THAT_DIFFERS: "all that differs between training and test",
 }
+Part = TypeVar("Part", Levels, Plan)
 SPLIT = "twins"  # of the levels that give factors
 BLOCK, MOST_BLOCKS = 512, 40  # levels that give factors, drawn at once; and how often
 MOST_TRIES = 40  # levels that are tried as a twin of one level
@@ -221,7 +223,7 @@ def _twin(suite: Suite, group: str, names: tuple[str, ...], differs: bool, seed:
             solved = np.flatnonzero(certified.solved)
             made = _like(levels, tried) if made is None else made
             if len(solved):
-                made = _put(made, rows[solved], tried[solved])
+                made = _put(made, LEVEL_ARRAYS, rows[solved], tried[solved])
                 plans = _joined(plans, rows[solved], certified[solved])
                 found[rows[solved]] = True
         left = left[~found[left]]
@@ -279,10 +281,7 @@ def _certified(levels: Levels, suite: Suite, rng: np.random.Generator) -> Plan:
 
 def _joined(plans: Plan, rows: np.ndarray, others: Plan) -> Plan:
     """The plans with those of ``others`` in these rows."""
-    arrays = {name: getattr(plans, name).copy() for name in PLAN_ARRAYS}
-    for name, array in arrays.items():
-        array[rows] = getattr(others, name)
-    return dataclasses.replace(plans, **arrays, rollouts=plans.rollouts + others.rollouts)
+    return _put(dataclasses.replace(plans, rollouts=plans.rollouts + others.rollouts), PLAN_ARRAYS, rows, others)
 
 
 def _like(levels: Levels, twins: Levels) -> Levels:
@@ -293,9 +292,9 @@ def _like(levels: Levels, twins: Levels) -> Levels:
     return dataclasses.replace(levels, vertices=vertices, world=twins.world, provenance=origin, distribution=None)
 
 
-def _put(levels: Levels, rows: np.ndarray, twins: Levels) -> Levels:
-    """The levels with the twins in these rows."""
-    arrays = {name: getattr(levels, name).copy() for name in LEVEL_ARRAYS}
+def _put(whole: Part, names: Sequence[str], rows: np.ndarray, others: Part) -> Part:
+    """Levels or plans with those of ``others`` in these rows of the arrays of these names."""
+    arrays = {name: getattr(whole, name).copy() for name in names}
     for name, array in arrays.items():
-        array[rows] = getattr(twins, name)
-    return dataclasses.replace(levels, **arrays)
+        array[rows] = getattr(others, name)
+    return dataclasses.replace(whole, **arrays)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -114,13 +114,7 @@ class Causes:
         Raises:
             SuiteError: the file cannot be written; what stood at ``path`` still stands there.
         """
-        with (
-            replacing(Path(path), "the table", SuiteError) as beside,
-            beside.open("w", newline="", encoding="utf-8") as file,
-        ):
-            writer: csv.DictWriter[str] = csv.DictWriter(file, ("suite", "twins_hash", *HEAD))
-            writer.writeheader()
-            writer.writerows(self.rows())
+        write_causes(Path(path), self.rows())
 
     def __str__(self) -> str:
         rows = [["group", "", "twins", "success", "on twins", "effect [95 %]", "failures", "attributed [95 %]"]]
@@ -136,6 +130,14 @@ class Causes:
         if group not in self.on_twins:
             raise SuiteError(f"there are no twins in '{group}'.{did_you_mean(str(group), self.on_twins)}")
         return self.on_twins[group]
+
+
+def write_causes(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows of tables of causes as csv; raises :class:`SuiteError` as :meth:`Causes.save`."""
+    with replacing(path, "the table", SuiteError) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [*rows[0]])
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def find_causes(

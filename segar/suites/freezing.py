@@ -36,7 +36,7 @@ from segar.suites.suite_file import (
 )
 from segar.tasks import task_of
 
-TEST_LEVELS, TRAINING_LEVELS = 200, 100
+TEST_LEVELS, OWN_TRAINING_LEVELS = 200, 100
 TEST_SEED = 0
 SEARCH = 3  # of the planner's random numbers
 PLAYS = 20  # random episodes per level
@@ -141,41 +141,29 @@ def freeze(
 
 
 def own_suite(
-    train: LevelDistribution,
-    test: LevelDistribution,
-    *,
-    task: Task | None = None,
-    name: str = "own",
-    test_levels: int | Levels = TEST_LEVELS,
-    training_levels: int = TRAINING_LEVELS,
-    samples: int = 64,
-    iterations: int = 5,
+    train: LevelDistribution, test: LevelDistribution, levels: Levels, *, task: Task | None = None, name: str = "own"
 ) -> Suite:
     """A suite of distributions of one's own, with any rules and any task, for :func:`segar.suites.twins`,
     :func:`segar.suites.find_causes` and :func:`segar.evaluate_on_suite`.
 
-    It is in no file and not frozen: its test levels follow from ``test``. :func:`freeze` writes suites that others can read.
+    It is in no file and not frozen; :func:`freeze` writes suites that others can read.
 
     Args:
-        task: what is played; that of the training distribution where it is None.
+        levels: of the test, drawn from ``test``.
+        task: what is played; that of the levels where it is None.
         name: of the suite in tables.
-        test_levels: the levels of the test, or how many of ``test`` there are.
-        training_levels: how many levels a method trains on.
-        samples, iterations: of the planner, which searches for an episode on each test level.
 
     Raises:
-        SuiteError: there is no task of that name, or training or test is no :class:`segar.LevelDistribution`, of which alone
-            one can say which factors differ.
+        SuiteError: training or test is no :class:`segar.LevelDistribution`, of which alone one can say which factors differ.
     """
     for side, distribution in zip(SIDES, (train, test), strict=True):
         if not isinstance(distribution, LevelDistribution):
             raise SuiteError(f"{name}: {side} must be a LevelDistribution, not {distribution!r}")
-    levels = test_levels if isinstance(test_levels, Levels) else test.sample(test_levels, TEST_SEED, "test")
-    task = task_of(train.sample(1)) if task is None else task
-    plans = plan(levels, task, rng=np.random.default_rng(SEARCH), samples=samples, iterations=iterations)
+    played = task_of(levels) if task is None else task
+    plans = plan(levels, played, rng=np.random.default_rng(SEARCH), samples=64, iterations=5)
     hashes = {"train": train.hash, "test": test.hash, "levels": hash_of_levels(levels), "plans": hash_of_plans(plans)}
     whole = hashlib.sha256(json.dumps(hashes).encode()).hexdigest()[:HASH_DIGITS]
-    return Suite(name, "", "", "", train, test, levels, plans, training_levels, task, (), (), 0, whole, hashes)
+    return Suite(name, "", "", "", train, test, levels, plans, OWN_TRAINING_LEVELS, played, (), (), 0, whole, hashes)
 
 
 def _written(path: Path, levels: Levels, plans: Plan, text: str) -> Suite:

@@ -257,7 +257,7 @@ class Tired:
 
 
 def test_failures_in_a_world_of_ones_own_come_from_what_its_test_changes():
-    of = own_suite(raft.calm, raft.strong, test_levels=8, samples=16, iterations=2)
+    of = own_suite(raft.calm, raft.strong, raft.strong.sample(8, split="test"))
     made = twins(of)
     assert [(one.group, one.differs) for one in made.groups] == [
         ("CurrentStrength", True), (PLACE, False), (OTHERS, False),
@@ -275,4 +275,4 @@ def test_failures_in_a_world_of_ones_own_come_from_what_its_test_changes():
 
 def test_distributions_of_which_nobody_can_say_what_differs_are_refused():
     with pytest.raises(SuiteError, match="own: test must be a LevelDistribution, not"):
-        own_suite(raft.calm, raft.strong.sample(2))
+        own_suite(raft.calm, raft.strong.sample(2), raft.strong.sample(2))
