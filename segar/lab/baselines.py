@@ -19,7 +19,7 @@ from segar.lab.hidden_world import START_LEVELS, Lab
 from segar.lab.laws import EMPTY, laws_of
 from segar.lab.session import Session
 from segar.language import Velocity
-from segar.support import replacing
+from segar.support import content_of, replacing
 
 DRAWS = 1000  # of laws, of which the nearest is taken, and from which searches begin
 KEPT, CHILDREN, GENERATIONS = 50, 150, 60  # of the evolutionary search
@@ -161,12 +161,12 @@ def grade_baselines(
 
 def read_grades(path: str | PathLike[str]) -> list[dict[str, Any]]:
     """The rows of a table of grades, as text; raises :class:`SegarError` where the file is none."""
+    content = content_of(Path(path), "table of grades", SegarError)
     try:
-        with Path(path).open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file)
-            rows = list(reader)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise SegarError(f"cannot read the grades {path}: {error}") from error
+        reader = csv.DictReader(content.decode().splitlines())
+        rows = list(reader)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SegarError(f"{path} is no table of grades: {error}") from error
     if tuple(reader.fieldnames or ()) != COLUMNS or any(None in row.values() for row in rows):
         raise SegarError(f"{path} is no table of grades, whose columns are {', '.join(COLUMNS)}")
     return rows

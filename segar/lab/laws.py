@@ -31,6 +31,8 @@ def levels_of(lab: Lab, laws: Sequence[Any]) -> Levels:
     """
     if len(laws) == 1 and isinstance(laws[0], Mapping) and "code" in laws[0]:
         return lab.in_world([*lab.space.always, *_rules_in(lab, laws[0])])
+    if not laws:
+        raise SegarError("'laws' is empty, and must hold one law at least")
     layout = lab.hidden.layout
     columns = {p: layout.parameters.index(p) for p in lab.space.parameters}
     first = lab.hidden.parameters[0].copy()

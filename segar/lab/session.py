@@ -19,7 +19,7 @@ from segar.lab.hidden_world import START_LEVELS, Lab
 from segar.lab.laws import levels_of
 from segar.lab.questions import Mark, Question, make_questions
 from segar.levels import hash_of_levels
-from segar.support import from_json, misfit, replacing, shown
+from segar.support import content_of, from_json, misfit, replacing, shown
 
 LONGEST_REQUEST = 2**20  # [bytes]
 FORMAT, VERSION = "segar-lab-session", 1
@@ -123,10 +123,9 @@ class Session:
             SegarError: there is no such file, it is no session in this lab, or a reply is another one now.
         """
         path, session = Path(path), cls(lab)
+        content = content_of(path, "session", SegarError)
         try:
-            lines = [from_json(line) for line in path.read_bytes().splitlines()]
-        except OSError as error:
-            raise SegarError(f"cannot read the session {path}: {error.strerror or error}") from error
+            lines = [from_json(line) for line in content.splitlines()]
         except ValueError as error:
             raise SegarError(f"{path} is no session: {error}") from error
         head = from_json(_json(session._head()).encode())
@@ -252,6 +251,8 @@ def read_experiment(
     except ValueError as error:
         raise SegarError(f"the numbers of experiments do not agree: {[list(one) for one in leading]}") from error
     n, is_batch = batch[0] if batch else 1, bool(batch)
+    if not n:
+        raise SegarError("a list of experiments is empty, and must hold one at least")
     level = np.broadcast_to(level, n).astype(int)
     values = lab.levels.values[level]
     for at, slot, factor, value in changes:
