@@ -128,13 +128,7 @@ from .step_order import (
     Stage as Stage,
     moves as moves,
 )
-from .symbols import (
-    Symbol as Symbol,
-    evaluate as evaluate,
-    make as make,
-    operands_first as operands_first,
-    walk as walk,
-)
+from .symbols import Symbol as Symbol, evaluate as evaluate, make as make, walk as walk
 from .task import NO_LIMIT as NO_LIMIT, Task, TaskFunctions as TaskFunctions
 from .tracing import (
     Branch as Branch,

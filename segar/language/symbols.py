@@ -91,7 +91,7 @@ class Symbol(Arithmetic, Traced, stands_for=(float, bool, int)):
 
     def __reduce__(self) -> tuple[Any, ...]:
         self._require_known("pickles and copies", "use it as it is")
-        order = operands_first(self)
+        order = walk(self)
         place = {symbol: n for n, symbol in enumerate(order)}
         return _made_of, ([(s.op, *(place[a] if type(a) is Symbol else (a,) for a in s.args)) for s in order],)
 
@@ -223,7 +223,7 @@ class Symbol(Arithmetic, Traced, stands_for=(float, bool, int)):
     def __repr__(self) -> str:
         self._require_known("str(), repr(), f-strings and print()", "compare it as a number")
         texts: dict[Any, str] = {}
-        for part in operands_first(self):
+        for part in walk(self):
             if part.op == "load":
                 texts[part] = f"{part.args[1].__name__}{part.args[0]}"
             else:
@@ -266,20 +266,9 @@ def make(op: str, *args: Any) -> Any:
     return symbol
 
 
-def walk(symbol: Symbol) -> list[Symbol]:
-    """The symbol and all that it is computed from, each once."""
-    seen: dict[Symbol, None] = {}
-    stack = [symbol]
-    while stack:
-        node = stack.pop()
-        if node not in seen:
-            seen[node] = None
-            stack += [a for a in node.args if isinstance(a, Symbol)]
-    return list(seen)
-
-
-def operands_first(symbol: Symbol, known: Callable[[Symbol], Any] = lambda _: False) -> list[Symbol]:
-    """As :func:`walk`, each symbol after all that it is computed from, in the order in which Python would compute them.
+def walk(symbol: Symbol, known: Callable[[Symbol], Any] = lambda _: False) -> list[Symbol]:
+    """The symbol and all that it is computed from, each once and after its own operands, in the order in which Python would
+    compute them.
 
     Args:
         known: whether a symbol need not be computed; then it is left out, with what only it is computed from.

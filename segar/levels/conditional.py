@@ -16,7 +16,6 @@ from segar.language import (
     code_place,
     make,
     number_leaf,
-    operands_first,
     read_signature,
     symbolic_arguments,
     trace,
@@ -121,7 +120,7 @@ def _expression(name: str, given: Any) -> Symbol:
 def require_short(symbol: Symbol, where: str) -> None:
     """Raise :class:`PriorError` where an expression is longer than a distribution can write."""
     lengths: dict[int, int] = {}
-    for part in operands_first(symbol):
+    for part in walk(symbol):
         lengths[id(part)] = 1 + sum(lengths[id(a)] for a in part.args if isinstance(a, Symbol))
     if lengths[id(symbol)] > MOST_OPERATIONS:
         raise PriorError(

@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from segar.engine.compiler.spec import Group
-from segar.language import Rule, Symbol, make, operands_first
+from segar.language import Rule, Symbol, make, walk
 from segar.support import mathematics
 
 BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
@@ -63,7 +63,7 @@ class Writer:
 
     def value(self, symbol: Symbol) -> str:
         """The name (or constant) that holds ``symbol`` here, computing it first where it is not known yet."""
-        for part in operands_first(symbol, self._known):
+        for part in walk(symbol, self._known):
             text = self._text(part)
             if part.op not in ("parameter", "action"):
                 self._count += 1
@@ -110,7 +110,7 @@ def constant(value: Any) -> str:
 def bind(symbol: Symbol, variables: tuple[str, ...], rule: int) -> Symbol:
     """The expression with its arguments replaced by loop variables: equal reads of two rules become one symbol."""
     bound: dict[Symbol, Symbol] = {}
-    for part in operands_first(symbol):
+    for part in walk(symbol):
         op, args = part.op, part.args
         if op == "load":
             bound[part] = make("load", variables[args[0]], *args[1:])

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import RuleError
-from segar.language import Entity, Factor, Floor, Layout, Pattern, Position, Slot, Symbol, holds, make, operands_first
+from segar.language import Entity, Factor, Floor, Layout, Pattern, Position, Slot, Symbol, holds, make, walk
 
 PRESENT = ("present", None, None)
 TESTS: dict[str, Callable[[type[Entity], Any, Any], bool]] = {
@@ -124,7 +124,7 @@ class Matcher:
 def simplified_truth(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> Symbol:
     """A bound relation's truth with all parts replaced by True or False that the groups alone decide."""
     found: dict[Symbol, Symbol] = {}
-    for part in operands_first(symbol):
+    for part in walk(symbol):
         parts = [found[s] for s in part.args] if part.op in ("not", "and", "or") else []
         if part.op == "not":
             (inner,) = parts

@@ -22,7 +22,7 @@ from segar.engine.simulator import Simulator
 from segar.errors import PriorError, RuleError
 from segar.language import Number, Scalar, sin
 from segar.language.rule_definition import rule, value_rule
-from segar.language.symbols import deciding_by, make, operands_first, walk
+from segar.language.symbols import deciding_by, make, walk
 from segar.levels.conditional import Dependent
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
@@ -321,9 +321,9 @@ def test_operands_come_before_what_is_computed_of_them_each_once():
     x = make("parameter", segar.Gravity)
     for _ in range(5000):
         x = x + 0.5 * x
-    order = operands_first(x)
+    order = walk(x)
     place = {symbol: n for n, symbol in enumerate(order)}
-    assert len(order) == len(place) == len(walk(x)) == 10002
+    assert len(order) == len(place) == 10002
     assert all(place[a] < n for n, symbol in enumerate(order) for a in symbol.args if a in place)
     assert pickle.loads(pickle.dumps(x)) is x
     assert Number(1.0) == 1.0
