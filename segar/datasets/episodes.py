@@ -62,7 +62,8 @@ def roll_out(env: VectorEnv, levels: np.ndarray, seed: int, policy: Policy) -> l
 def episode_of(env: VectorEnv, steps: Sequence[TimeStep], row: int, options: dict[str, Any]) -> Episode:
     """The episode of a row of environments; ``steps`` go from its start to its end, after which another episode may have
     started in the row. Actions are clipped to their space."""
-    seen, truths, space = [now.observation for now in steps], [now.info for now in steps], env.single_action_space
+    seen, truths = [now.observation for now in steps], [now.info for now in steps]
+    space: Any = env.single_action_space
     if "final_obs" in steps[-1].info:
         seen[-1], truths[-1] = steps[-1].info["final_obs"], steps[-1].info["final_info"]
     flags = {name: np.array([False, *(info[name][row] for info in truths[1:])]) for name in ("success", "death")}

@@ -290,7 +290,8 @@ class HostEpisodes:
         for row in rows:
             number = int(self.now.episodes[row])
             number += -number % self.trials if chosen[row] >= 0 else 0
-            yield np.array([row]), moved_seed(*self._seeds[row].tolist(), int(row), number)
+            seed, place = self._seeds[row].tolist()
+            yield np.array([row]), moved_seed(seed, place, int(row), number)
 
     def _write_observations(self, out: Any, rows: np.ndarray) -> None:
         """Write the observations of these rows of the present states into ``out``."""
@@ -305,7 +306,7 @@ class HostEpisodes:
     def _info(self, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
         """The info about all running episodes."""
         now, state = self.now, self.now.state
-        info = {
+        info: dict[str, Any] = {
             "level": self.pool.named(state.level),
             "return": now.returns.copy(),
             "length": now.lengths.copy(),
