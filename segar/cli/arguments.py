@@ -45,6 +45,7 @@ def _require_no_suite(name: str) -> None:
     if near and near[0] in suites():
         raise SegarError(
             f"'{name}' is no level family. The suite {near[0]} has levels of its own: `segar suites {near[0]}` tells of them,"
+            f" `segar playground {near[0]}` shows them,"
             f" and segar.suites.suite('{near[0]}') has test_levels and sample(seed), which .save() writes"
         )
 

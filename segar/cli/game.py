@@ -49,7 +49,7 @@ class Game:
         task: the one that the levels name where it is None. Its action is two numbers, a push to the right and one up.
         seed: of the randomness in rules.
         speed: of time; 1 is as fast as the simulation.
-        max_steps: of an episode; a person needs more than the task allows to agents, who act twenty times a second.
+        max_steps: of an episode; as many as agents and the pages of playgrounds have where it is None.
 
     Raises:
         SegarError: the task has other actions.
@@ -63,7 +63,7 @@ class Game:
         level: int = 0,
         seed: int = 0,
         speed: float = 1.0,
-        max_steps: int | None = 600,
+        max_steps: int | None = None,
         view: View | None = None,
     ) -> None:
         self.env = VectorEnv(levels, 1, task=task, seed=seed, autoreset_mode="Disabled", max_steps=max_steps)

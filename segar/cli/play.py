@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from segar.cli.arguments import TASK_HELP, add_levels, add_number, sampled_levels, task_named
+from segar.cli.arguments import TASK_HELP, add_levels, add_number, at_least, sampled_levels, task_named
 from segar.rendering import View
 from segar.support import need_pygame
 
@@ -17,7 +17,7 @@ def add_commands(commands: Any) -> None:
     playing.add_argument("--task", help=TASK_HELP)
     add_number(playing, "--size", "of the arena [px]", least=64, default=720)
     playing.add_argument("--speed", type=float, default=1.0, help="of time, 0.5 for slow motion (default: %(default)s)")
-    add_number(playing, "--steps", "time limit; agents have 100", least=1, default=600)
+    playing.add_argument("--steps", type=at_least(1), help="time limit (default: the task's, which is 100 in most)")
     playing.set_defaults(run=play)
 
 

@@ -11,6 +11,7 @@ from segar.errors import LevelError
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, make_observation
 from segar.playground import WEIGHTS, make_playground, read_policy
+from segar.suites import suite, suites
 from segar.support import counted, named_or_made
 
 NUMBER = 100  # of levels of a distribution, where none is given
@@ -19,7 +20,9 @@ NUMBER = 100  # of levels of a distribution, where none is given
 def add_commands(commands: Any) -> None:
     """Add ``playground`` to the sub-commands of a parser."""
     making = arguments.command(commands, "playground", playground, "make a page that plays levels in a browser")
-    making.add_argument("what", metavar="WHAT", help=f"{arguments.NAME_HELP}; or a level file")
+    making.add_argument(
+        "what", metavar="WHAT", help=f"{arguments.NAME_HELP}; a level file; or a suite, with its test levels beside it"
+    )
     arguments.add_output(making, "the page (html), one file that needs no network", required=True)
     add_level_sets(making)
     making.add_argument(
@@ -61,8 +64,7 @@ def add_level_sets(parser: argparse.ArgumentParser) -> None:
 def playground(chosen: argparse.Namespace) -> None:
     """``segar playground``."""
     start = time.perf_counter()
-    levels = named_levels(chosen, chosen.what, chosen.split)
-    test = None if chosen.test is None else named_levels(chosen, chosen.test, "test")
+    levels, test = named_sets(chosen)
     observations = {name: named_observation(name) for name in chosen.observation or ()}
     if chosen.policy is None:
         player, task = None, None if chosen.task is None else arguments.task_named(chosen.task, levels)
@@ -99,11 +101,21 @@ def named_observation(name: str) -> Observation:
     return make_observation(named_or_made(name) if ":" in name else name)
 
 
+def named_sets(chosen: argparse.Namespace) -> tuple[Levels, Levels | None]:
+    """The levels of WHAT, and those of ``--test``; a suite has both."""
+    levels = named_levels(chosen, chosen.what, chosen.split)
+    test = chosen.test or (chosen.what if chosen.what in suites() else None)
+    return levels, None if test is None else named_levels(chosen, test, "test")
+
+
 def named_levels(chosen: argparse.Namespace, what: str, split: str) -> Levels:
     """The levels of a distribution or in a file."""
     if Path(what).suffix == ".py" and Path(what).is_file():
         raise LevelError(f"{what} is a program; name the distribution in it, as {what}:NAME")
     is_file = Path(what).suffix in (".npz", ".json") or (":" not in what and Path(what).is_file())
+    if what in suites():
+        of_suite, number = suite(what), chosen.number or NUMBER
+        return of_suite.test_levels[:number] if split == "test" else of_suite.sample(chosen.seed, number)
     if not is_file:
         if chosen.world is not None and chosen.test is None:
             raise LevelError(f"--world: '{what}' brings its own rules; only level files need a world")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from segar.cli import arguments
-from segar.cli.playground import add_level_sets, named_levels, named_observation
+from segar.cli.playground import add_level_sets, named_observation, named_sets
 from segar.errors import SegarError
 from segar.observations import OBSERVATIONS
 from segar.playground import Studio
@@ -22,7 +22,7 @@ def add_commands(commands: Any) -> None:
     opening = commands.add_parser("studio", help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.")
     opening.add_argument(
         "what", metavar="WHAT", nargs="?", default="objectsx3-hard",
-        help=f"{arguments.NAME_HELP}; or a level file (default: %(default)s)",
+        help=f"{arguments.NAME_HELP}; a level file; or a suite (default: %(default)s)",
     )  # fmt: skip
     add_level_sets(opening)
     opening.add_argument("--runs", metavar="FOLDER", type=Path, help="below which runs have networks that play")
@@ -44,10 +44,10 @@ def studio(chosen: argparse.Namespace) -> None:
         raise SegarError(f"--port: there are ports up to {LARGEST_PORT}, and no {chosen.port}")
     if chosen.runs is not None and not chosen.runs.is_dir():
         raise SegarError(f"--runs: there is no folder {chosen.runs}")
-    levels = named_levels(chosen, chosen.what, chosen.split)
+    levels, test = named_sets(chosen)
     made = Studio(
         levels,
-        None if chosen.test is None else named_levels(chosen, chosen.test, "test"),
+        test,
         task=None if chosen.task is None else arguments.task_named(chosen.task, levels),
         observations={name: named_observation(name) for name in chosen.observation},
         runs=chosen.runs,

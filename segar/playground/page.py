@@ -21,6 +21,7 @@ from segar.playground.objective import described_objective
 from segar.playground.policy import Weights, described_policy
 from segar.playground.world import described_set, name_of
 from segar.policies import Network, NetworkPolicy
+from segar.rendering import SIGNS
 from segar.support import __version__, replacing
 from segar.tasks import task_of
 
@@ -116,7 +117,7 @@ def make_playground(
             sets.append(described_set(part, task, seen, name, blobs))
             if plans:
                 sets[-1]["baselines"] = described_baselines(part, task or task_of(part), blobs)
-    about: dict[str, Any] = {"title": title, "segar": __version__, "sets": sets}
+    about: dict[str, Any] = {"title": title, "segar": __version__, "sets": sets, "signs": SIGNS}
     if policy is not None:
         about["policy"] = described_policy(policy, sets, weights, blobs)
         about["policy"]["probes"] = [[name, *numbers] for name, numbers in (probes or {}).items()]

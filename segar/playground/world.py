@@ -101,6 +101,7 @@ def _kind(kind: type[Entity]) -> dict[str, Any]:
         "name": kind.__name__,
         "tile": language.Floor in kind.declared,
         "hole": language.Consumes in kind.declared,
+        "goal": issubclass(kind, language.GoalTile),
         "holds": [factor.__name__ for factor in kind.declared if factor.width],
         "low": colour.low,
         "high": colour.high or colour.low,

@@ -7,13 +7,14 @@ from typing import TypeAlias
 
 import pygame
 
+from segar.rendering.signs import SIGNS
+
 Point: TypeAlias = tuple[float, float]
 Colour: TypeAlias = tuple[int, ...]
 
 BLACK, WHITE = (0, 0, 0), (255, 255, 255)
 HEAD = 0.6  # half-width of an arrow's head as a share of its length
 DASHES = 18  # around an outline
-CHEVRONS, BOLTS = 8, 4
 
 
 def arrow(surface: pygame.Surface, start: Point, end: Point, width: float, colour: Colour, border: float = 0) -> None:
@@ -71,8 +72,9 @@ def bar(surface: pygame.Surface, start: Point, end: Point, width: float, colour:
 def chevrons(surface: pygame.Surface, centre: Point, radius: float, size: float, outward: bool, colour: Colour) -> None:
     """Arrow heads around a circle: outward from what pushes, inward to what brakes."""
     tip, foot = (radius + size, radius) if outward else (radius, radius + size)
-    for k in range(CHEVRONS):
-        angle = 2 * math.pi * (k + 0.5) / CHEVRONS
+    count = SIGNS["chevrons"]["count"]
+    for k in range(count):
+        angle = 2 * math.pi * (k + 0.5) / count
         wide = 0.9 * size / (radius + size)
         points = [on_circle(centre, tip, angle), *(on_circle(centre, foot, angle + s * wide) for s in (1, -1))]
         pygame.draw.polygon(surface, colour, points)
@@ -80,8 +82,9 @@ def chevrons(surface: pygame.Surface, centre: Point, radius: float, size: float,
 
 def bolts(surface: pygame.Surface, centre: Point, radius: float, size: float, colour: Colour) -> None:
     """Dots on a circle: what is fixed to the floor."""
-    for k in range(BOLTS):
-        pygame.draw.circle(surface, colour, on_circle(centre, radius, 2 * math.pi * (k + 0.5) / BOLTS), size)
+    count = SIGNS["bolts"]["count"]
+    for k in range(count):
+        pygame.draw.circle(surface, colour, on_circle(centre, radius, 2 * math.pi * (k + 0.5) / count), size)
 
 
 def swirl(

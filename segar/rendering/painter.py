@@ -10,6 +10,7 @@ from segar.language import GoalTile
 from segar.rendering import marks
 from segar.rendering.labels import Box, Request, place_labels
 from segar.rendering.scene import Figure, Scene, View, charge_sources, electric_field, hint_strength
+from segar.rendering.signs import SIGNS
 
 RGB: TypeAlias = tuple[int, int, int]
 
@@ -18,8 +19,8 @@ FLOOR, GRID, WALL = (58, 60, 66), (66, 68, 75), (150, 152, 160)
 GRID_STEP = 0.25  # [m]
 MARGIN = 0.018  # share of the size that is wall
 LINE_BACKGROUND, TEXT = (24, 25, 28), (236, 238, 242)
-BLACK, WHITE, GREY = (0, 0, 0), (255, 255, 255), (120, 120, 124)
-DEAD, AGENT, PUSH, BRAKE, SPEED = (230, 40, 40), (255, 240, 120), (190, 255, 60), (255, 170, 90), (255, 225, 60)
+BLACK, WHITE, GREY = (0, 0, 0), (255, 255, 255), SIGNS["dead"]["grey"]
+AGENT, SPEED = SIGNS["agent"]["colour"], (255, 225, 60)
 CHARGE_HINT, MAGNET_HINT = (170, 215, 255), (255, 190, 240)
 FEWEST_HINTS, MOST_HINTS, HINT_ROOM = 8, 22, 16  # arrows across the arena, and pixels for each
 SECONDS = 0.12  # an arrow is as long as the way of so much time
@@ -109,13 +110,13 @@ class Painter:
             return
         pygame.draw.polygon(self._big, figure.colour, self._outline(figure))
         if figure.is_hole:
-            for k in range(4):
-                pygame.draw.polygon(self._big, (3 * [60 - 20 * k]), self._outline(figure, 1 - 0.07 * k))
+            for share, grey in SIGNS["hole_steps"]:
+                pygame.draw.polygon(self._big, 3 * [grey], self._outline(figure, share))
         self._draw_ground(figure)
         if issubclass(figure.entity, GoalTile):
-            for share in (0.68, 0.36):
+            for share in SIGNS["goal_rings"]:
                 pygame.draw.polygon(self._big, WHITE, self._outline(figure, share), self._width(2.5))
-            pygame.draw.circle(self._big, WHITE, self._at(figure.place), 2.5 * unit)
+            pygame.draw.circle(self._big, WHITE, self._at(figure.place), SIGNS["goal_dot"] * unit)
         pygame.draw.polygon(self._big, BLACK, self._outline(figure), self._width(1.5))
 
     def _draw_ground(self, figure: Figure) -> None:
@@ -129,10 +130,14 @@ class Painter:
         pattern = pygame.Surface(box.size, pygame.SRCALPHA)
         ink = (0, 0, 0, 120) if sum(figure.colour) > 300 else (255, 255, 255, 90)
         if figure.friction > 0:
-            marks.dots(pattern, (20 - 12 * min(figure.friction, 1)) * unit, 1.1 * unit, ink)
+            dots = SIGNS["dots"]
+            spacing = (dots["widest"] - dots["closer"] * min(figure.friction, 1)) * unit
+            marks.dots(pattern, spacing, dots["size"] * unit, ink)
         if figure.heat > 0:
             hot = (255, 240, 90, 190) if figure.colour[1] < 120 else (150, 0, 0, 190)
-            marks.waves(pattern, (30 - 16 * min(figure.heat, 1)) * unit, 1.3 * unit, hot)
+            waves = SIGNS["waves"]
+            spacing = (waves["widest"] - waves["closer"] * min(figure.heat, 1)) * unit
+            marks.waves(pattern, spacing, waves["width"] * unit, hot)
         inside = pygame.Surface(box.size, pygame.SRCALPHA)
         pygame.draw.polygon(inside, (255, 255, 255, 255), [(x - box.left, y - box.top) for x, y in outline])
         pattern.blit(inside, (0, 0), special_flags=pygame.BLEND_RGBA_MULT)
@@ -169,21 +174,24 @@ class Painter:
             return
         if figure.is_alive and figure.energy:
             size = _chevron_size(figure.energy) * unit
-            ink = PUSH if figure.energy > 0 else BRAKE
+            ink = SIGNS["chevrons"]["push" if figure.energy > 0 else "brake"]
             marks.chevrons(self._big, centre, radius + 2 * unit, size, figure.energy > 0, ink)
         if figure.is_visible:
             pygame.draw.polygon(self._big, figure.colour if figure.is_alive else GREY, outline)
             pygame.draw.polygon(self._big, BLACK, outline, self._width(2.5 if figure.is_mobile else 1))
             if not figure.is_mobile:
-                marks.bolts(self._big, centre, radius - 4.5 * unit, 1.8 * unit, BLACK)
+                bolts = SIGNS["bolts"]
+                marks.bolts(self._big, centre, radius - bolts["inside"] * unit, bolts["size"] * unit, BLACK)
         else:
             self._draw_unseen(figure, outline)
         if figure.is_agent:
-            pygame.draw.polygon(self._big, AGENT, self._outline(figure, 1 + 3.5 * unit / radius), self._width(1.8))
+            outside, width = SIGNS["agent"]["outside"] * unit, self._width(SIGNS["agent"]["width"])
+            pygame.draw.polygon(self._big, AGENT, self._outline(figure, 1 + outside / radius), width)
         if figure.is_alive:
             self._draw_signs(figure, centre, radius)
         else:
-            marks.cross(self._big, centre, 1.3 * radius, 4 * unit, DEAD)
+            dead = SIGNS["dead"]
+            marks.cross(self._big, centre, dead["side"] * radius, dead["width"] * unit, dead["colour"])
 
     def _draw_unseen(self, figure: Figure, outline: list[tuple[float, float]]) -> None:
         ghost = pygame.Surface(self._big.get_size(), pygame.SRCALPHA)
@@ -195,11 +203,12 @@ class Painter:
         """Sign of charge and magnetism, side by side if there are both."""
         ink = BLACK if sum(figure.colour) > 330 and figure.is_visible else WHITE
         both = bool(figure.charge and figure.magnetism)
-        size = radius * (0.65 if both else 0.9)
+        sign = SIGNS["sign"]
+        size = radius * sign["beside" if both else "alone"]
         for value, mark, side in ((figure.charge, marks.charge_sign, -1), (figure.magnetism, marks.magnet_sign, 1)):
             if value:
-                strength = 0.55 + 0.45 * min(abs(value), 1.0)
-                at = (centre[0] + (side * 0.42 * radius if both else 0), centre[1])
+                strength = sign["weakest"] + (1 - sign["weakest"]) * min(abs(value), 1.0)
+                at = (centre[0] + (side * sign["apart"] * radius if both else 0), centre[1])
                 mark(self._big, at, size * strength, value > 0, ink)
 
     def _draw_velocity(self, figure: Figure) -> None:
@@ -265,7 +274,8 @@ def _has_arrow(figure: Figure) -> bool:
 
 def _chevron_size(energy: float) -> float:
     """Of the chevrons of stored energy [px of a picture of 512]."""
-    return min(4 + 7 * abs(energy), 14)
+    size = SIGNS["chevrons"]
+    return min(size["least"] + size["more"] * abs(energy), size["most"])
 
 
 def _has_room(figure: Figure, box: Box, text: pygame.Surface) -> bool:

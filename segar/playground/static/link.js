@@ -13,14 +13,14 @@ export async function fragmentOf(page) {
   return `#${new URLSearchParams(parts)}`;
 }
 
-/** Show what a fragment says; a RangeError says why it cannot be shown. Fragments that name no levels say nothing. */
+/** Show what a fragment says; a RangeError says why it cannot be shown. One without `levels` means those that are shown. */
 export async function follow(page, fragment) {
   const parts = new URLSearchParams(fragment.slice(1));
-  if (!parts.has("levels")) return;
-  const set = page.sets.findIndex((one) => one.about.hash === parts.get("levels"));
+  if (!["levels", "level", "seed"].some((name) => parts.has(name))) return;
+  const set = parts.has("levels") ? page.sets.findIndex((one) => one.about.hash === parts.get("levels")) : page.set;
   if (set < 0) throw new RangeError("it was made in a page of other levels");
   const levels = page.sets[set];
-  const level = whole(parts.get("level"), BigInt(levels.count), "level");
+  const level = whole(parts.get("level") ?? String(page.level), BigInt(levels.count), "level");
   const seed = whole(parts.get("seed") ?? "0", 1n << 64n, "seed");
   const text = parts.has("is") ? await unpacked(parts.get("is")) : null;
   if (text !== null) readLevel(levels, Number(level), text);

@@ -16,6 +16,11 @@ import { Scene } from "segar/scene.js";
 import { World } from "segar/world.js";
 
 const REACH = 0.6; // [m] from the ball to where a hit is as hard as can be
+const AIMS = {
+  puttputt: "Bring the ball to the goal.", invisiball: "Bring the ball to the goal; some of it is not to be seen.",
+  billiards: "Push the cue ball so that the others fall into the pockets, and it does not.",
+};
+const SAID_EVERY = 1000; // [ms] at least, between two sentences for who listens
 const KEYS = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 /** Open a page; what it returns is for programs that play it. */
@@ -39,6 +44,7 @@ export async function open(about, blob) {
 }
 
 const $ = (id) => document.getElementById(id);
+const short2 = (x) => String(Number(x.toFixed(2)));
 
 function trouble(words) {
   $("trouble").textContent = words;
@@ -55,7 +61,7 @@ class Page {
     this.marked = 0;
     this.moving = false;
     this.aim = this.held = this.ghost = null;
-    this.scene = new Scene($("arena"), this.levels);
+    this.scene = new Scene($("arena"), this.levels, about.signs);
     this.player = new Player(this.world, () => this.refresh());
     $("title").textContent = about.title;
     document.title = `${about.title} – SEGAR`;
@@ -72,8 +78,9 @@ class Page {
     this.listen();
     const { slots, agents } = this.levels.about;
     const body = agents.map((slot) => slots[slot].name).join(" or ") || "the body that acts";
-    const goal = slots.some((slot) => slot.name === "goal") ? " Bring it to the goal." : "";
-    $("about").textContent = `Drag from ${body}, or press an arrow key, to hit it.${goal} “Overlays” names the things.`;
+    const known = Object.keys(AIMS).find((name) => this.levels.about.task.name.split("-")[0] === name);
+    const aim = known ? AIMS[known] : slots.some((slot) => slot.name === "goal") ? AIMS.puttputt : "";
+    $("about").textContent = `${aim} Drag from ${body}, or press an arrow key, to hit it. “Overlays” names the things.`.trim();
     this.actionSliders();
     let last = performance.now();
     const tick = (now) => {
@@ -170,6 +177,7 @@ class Page {
   refresh() {
     this.stale = true;
     const { world } = this;
+    if (world.terminated && !world.success) world.cause = this.scene.under(world.values, this.level);
     if (world.over && !this.kept && world.steps > 0 && !world.failed) {
       this.kept = true;
       if (!this.player.assisted) {
@@ -191,10 +199,28 @@ class Page {
     const words = world.failed ?? verdict(world);
     const status = `level ${this.level}${this.levels.changed.has(this.level) ? " (changed)" : ""}, step ${world.steps} of ${world.about.task.max_steps}, return ${world.total.toFixed(3)}${words ? `: ${words}` : ""}`;
     if ($("status").textContent !== status) $("status").textContent = status;
+    this.say(status);
     $("play").textContent = player.running ? "Pause" : "Play";
     $("play").setAttribute("aria-pressed", String(player.running));
     $("play").disabled = $("single").disabled = world.over;
     $("replay").disabled = world.steps === 0;
+  }
+
+  /** Tell who listens what the status is and where the things are, once a second at most. */
+  say(status) {
+    const now = performance.now();
+    clearTimeout(this.later);
+    if (now < (this.said ?? -Infinity) + SAID_EVERY) {
+      this.later = setTimeout(() => this.say(status), SAID_EVERY);
+      return;
+    }
+    const things = this.scene.things(this.world.values, this.level).filter((one) => one.visible && !one.done);
+    const places = things.map((one) => `${this.scene.nameOf(one)}${one.alive ? "" : " (dead)"} at ${short2(one.x)}, ${short2(one.y)}`);
+    const label = `The arena from above, in metres from its middle: ${places.join("; ")}. ${status}`;
+    if ($("said").textContent === status && $("arena").getAttribute("aria-label") === label) return;
+    this.said = now;
+    $("said").textContent = status;
+    $("arena").setAttribute("aria-label", label);
   }
 
   /** Act in a direction (right, up) of length 1 at most. */

@@ -21,7 +21,7 @@ export function changePanel(page) {
     factors, say,
     make("details", {}, make("summary", { textContent: "The level as text (JSON)" }), text,
       make("div", { className: "controls" },
-        make("button", { textContent: "Use this text", onclick: () => change(() => readLevel(page.levels, page.level, text.value)) }),
+        make("button", { textContent: "Use this text", onclick: () => useText() }),
         make("button", { textContent: "Save as file", onclick: () => download(`level-${page.level}.json`, fileText(page.levels, [page.level])) }))),
   );
   moving.addEventListener("change", () => { page.moving = moving.checked; });
@@ -42,11 +42,24 @@ export function changePanel(page) {
     if (settled) update();
   }
 
+  /** Make the level what the text says; where it is wrong, the text stays, and the wrong place in it is selected. */
+  function useText() {
+    const written = text.value;
+    change(() => readLevel(page.levels, page.level, written));
+    if (say.textContent === "") return;
+    text.value = written;
+    const [start, end] = placeOf(say.textContent, written);
+    const before = written.slice(0, start).split("\n");
+    say.textContent += ` (line ${before.length}, column ${before.at(-1).length + 1} of the text)`;
+    text.focus();
+    text.setSelectionRange(start, end);
+  }
+
   function update() {
     if (!element.open) return;
     const { levels, level } = page;
     const { about } = levels;
-    things.replaceChildren(...about.slots.map((slot, k) => make("option", { value: k, textContent: slot.name, selected: k === page.marked })));
+    things.replaceChildren(...about.slots.map((slot, k) => make("option", { value: k, textContent: named(slot, about.kinds[levels.kindOf(level, k)]), selected: k === page.marked })));
     const present = levels.kindOf(level, page.marked);
     kinds.replaceChildren(...levels.kindsOf(page.marked).map((kind) =>
       make("option", { value: kind, textContent: kind < 0 ? "(not there)" : about.kinds[kind].name, selected: kind === present || (kind < 0 && present < 0) })));
@@ -71,6 +84,11 @@ export function changePanel(page) {
     });
     factors.replaceChildren(...rows);
     text.value = asText(levelData(levels, level));
+  }
+
+  /** A slot by its name, with the kind of thing where the name does not say it. */
+  function named(slot, kind) {
+    return !kind || kind.name.toLowerCase().includes(slot.name.toLowerCase()) ? slot.name : `${slot.name}: ${kind.name}`;
   }
 
   function priorOf(entity, factor) {
@@ -109,6 +127,26 @@ export function changePanel(page) {
   }
 
   return { element, update };
+}
+
+/** Where in a text an error is: at the position that the browser names, else at the last of the names in it that is found. */
+function placeOf(error, text) {
+  const [, position] = /position (\d+)/.exec(error) ?? [];
+  const [, line, column] = /line (\d+) column (\d+)/.exec(error) ?? [];
+  const lines = text.split("\n");
+  if (position) return [Number(position), Number(position) + 1];
+  if (line) {
+    const start = lines.slice(0, Number(line) - 1).join("\n").length + Math.min(Number(line) - 1, 1) + Number(column) - 1;
+    return [start, start + 1];
+  }
+  if (error.startsWith("the text is no JSON")) return [text.length, text.length];
+  let [start, end] = [0, 0];
+  const named = /there is no "((?:[^"\\]|\\.)*)"/.exec(error);
+  for (const name of [...(error.split(/[: ]/)[0].split(".")), ...(named ? [named[1]] : [])]) {
+    const found = text.indexOf(`"${name}"`, end);
+    if (found >= 0) [start, end] = [found, found + name.length + 2];
+  }
+  return [start, end];
 }
 
 /** The prior's density over the range of a slider. */

@@ -120,7 +120,7 @@ function said(...words) {
 function wall(page, k) {
   const set = page.sets[k];
   const nameOf = (level) => `${page.about.sets[k].title} level ${level}`;
-  const scene = new Scene(null, set);
+  const scene = new Scene(null, set, page.about.signs);
   scene.overlays.clear();
   const buttons = [];
   const seen = new Set();

@@ -39,5 +39,6 @@ export function recordPanel(page) {
 /** How an episode ended, in a word. */
 export function verdict(world) {
   if (world.failed) return "error";
-  return world.success ? "success" : world.death ? "dead" : world.terminated ? "end" : world.truncated ? "time is up" : "";
+  const where = world.cause ? ` on ${world.cause}` : "";
+  return world.success ? "success" : world.death ? `dead${where}` : world.terminated ? `end${where}` : world.truncated ? "time is up" : "";
 }

@@ -1,5 +1,7 @@
 /** What people see of an episode: the arena from above, on a canvas, with overlays. */
 
+import { drawSigns } from "segar/marks.js";
+
 const CIRCLE = 1;
 const HULL = 2;
 const FLOOR = "#0d1117";
@@ -7,8 +9,9 @@ const GRID = "#1c2430";
 const WALL = "#8b98a9";
 
 export class Scene {
-  constructor(canvas, levels) {
+  constructor(canvas, levels, signs) {
     this.canvas = canvas;
+    this.signs = signs;
     this.levels = levels;
     this.overlays = new Set(["velocity"]);
   }
@@ -38,7 +41,8 @@ export class Scene {
       const thing = {
         slot, type, x: values[at], y: values[at + 1], radius: read("Size", 0) / 2, order: read("Order", 0),
         visible: read("Visible", 1) > 0, alive: read("Alive", 1) > 0, done: read("Done", 0) > 0, corners: null,
-        heat: read("Heat", 0), friction: read("Friction", 0), agent: about.agents.includes(slot), velocity: null,
+        heat: read("Heat", 0), friction: read("Friction", 0), charge: read("Charge", 0), magnetism: read("Magnetism", 0),
+        energy: read("StoredEnergy", 0), mobile: read("Mobile", 0) > 0, agent: about.agents.includes(slot), velocity: null,
       };
       if (type.holds.includes("Velocity")) {
         const v = slot * width + columns.Velocity;
@@ -49,7 +53,9 @@ export class Scene {
         thing.corners = levels.world.machine.part("level_vertex", level, slot).slice(0, 2 * count);
         thing.radius = levels.world.machine.part("level_hull_radius", level)[slot];
       }
-      thing.colour = colourOf(type, read(type.factor, 0));
+      thing.rgb = colourOf(type, read(type.factor, 0));
+      thing.colour = `rgb(${thing.rgb.join(",")})`;
+      thing.light = thing.rgb[0] + thing.rgb[1] + thing.rgb[2] > (type.tile ? 300 : 330);
       if (Number.isFinite(thing.x) && Number.isFinite(thing.y)) found.push(thing);
     }
     const tiles = found.filter((one) => one.type.tile).sort((a, b) => b.order - a.order);
@@ -81,6 +87,8 @@ export class Scene {
       outline(context, thing);
       context.fill();
       this.shade(context, thing);
+      drawSigns(context, thing, this.signs, 2 * about.walls / 512, (share) => outline(context, thing, share));
+      outline(context, thing);
       context.lineWidth = (thing.slot === marked ? 4 : 1.5) / scale;
       context.strokeStyle = thing.slot === marked ? "#ffd866" : thing.type.hole ? "#5a6678" : "rgba(0,0,0,.55)";
       if (!thing.visible) context.setLineDash([4 / scale, 4 / scale]);
@@ -113,6 +121,20 @@ export class Scene {
     }
   }
 
+  /** What people call a thing: a tile by its kind, because slots of tiles only have numbers. */
+  nameOf(thing) {
+    return thing.type.tile && !thing.type.goal ? thing.type.name : this.about.slots[thing.slot].name;
+  }
+
+  /** The tile under the body that acts, which ended the episode; null where there is none. */
+  under(values, level) {
+    const things = this.things(values, level);
+    const body = things.find((one) => one.agent);
+    const tile = body && things.reverse().find((one) => one.type.tile && !one.type.goal
+      && (one.corners ? inside(one.corners, body.x - one.x, body.y - one.y) : Math.hypot(body.x - one.x, body.y - one.y) <= one.radius));
+    return tile ? this.nameOf(tile) : null;
+  }
+
   name(context, thing, scale) {
     context.save();
     context.translate(thing.x, thing.y + thing.radius + 4 / scale);
@@ -120,7 +142,7 @@ export class Scene {
     context.font = "13px system-ui, sans-serif";
     context.textAlign = "center";
     context.fillStyle = "#e6edf3";
-    context.fillText(this.about.slots[thing.slot].name, 0, 0);
+    context.fillText(this.nameOf(thing), 0, 0);
     context.restore();
   }
 }
@@ -131,15 +153,15 @@ const ACCELERATION = 0.05; // metres of arrow per m/s^2
 
 function colourOf({ low, high, span }, value) {
   const share = Math.min(Math.max((value - span[0]) / (span[1] - span[0]), 0), 1) || 0;
-  return `rgb(${low.map((x, k) => Math.round(x + share * (high[k] - x))).join(",")})`;
+  return low.map((x, k) => Math.round(x + share * (high[k] - x)));
 }
 
-function outline(context, { x, y, radius, corners }) {
+function outline(context, { x, y, radius, corners }, share = 1) {
   context.beginPath();
   if (!corners) {
-    context.arc(x, y, Math.max(radius, 0), 0, 2 * Math.PI);
+    context.arc(x, y, Math.max(share * radius, 0), 0, 2 * Math.PI);
   } else {
-    for (let k = 0; k < corners.length; k += 2) context.lineTo(x + corners[k], y + corners[k + 1]);
+    for (let k = 0; k < corners.length; k += 2) context.lineTo(x + share * corners[k], y + share * corners[k + 1]);
   }
   context.closePath();
 }

@@ -44,7 +44,7 @@ export class World {
     this.rewards = [];
     this.total = 0;
     this.terminated = this.truncated = false;
-    this.failed = null;
+    this.failed = this.cause = null;
     for (const name of ["reward", "terminated", "success", "death", "errors"]) {
       const array = machine.array(name);
       array.fill(array instanceof BigInt64Array ? 0n : 0);

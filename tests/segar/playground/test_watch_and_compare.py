@@ -39,13 +39,8 @@ def test_the_agent_plays_all_levels_as_in_python(page: Browser) -> None:
     page.run(f"{BUTTON} button('Let the agent play all levels').click()")
     page.until("window.playground.results.episodes[1].agent.length === 4")
     policy = NetworkPolicy(convolutional("rgb"))
-
-    def act(env: Any) -> Any:
-        policy.begin(env)
-        return lambda now: policy(now.observation)
-
     for levels, found in zip((TRAIN, TEST), page.run(AGENT), strict=True):
-        expected = play_episodes(levels, np.arange(len(levels)), act, seed=0, observation="rgb")
+        expected = play_episodes(levels, np.arange(len(levels)), policy, seed=0, observation="rgb")
         assert [one["returned"] for one in found] == expected.returns.tolist()
         assert [one["success"] for one in found] == expected.success.tolist()
         assert [one["steps"] for one in found] == expected.length.tolist()
