@@ -112,16 +112,24 @@ def sampled_levels(chosen: argparse.Namespace) -> Levels:
     return find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
 
 
-def add_output(parser: argparse.ArgumentParser, purpose: str, *, required: bool, metavar: str = "FILE") -> None:
-    """Add the option that names what is written."""
-    parser.add_argument("-o", "--output", type=_place, required=required, metavar=metavar, help=purpose)
+def add_output(
+    parser: argparse.ArgumentParser,
+    purpose: str,
+    *,
+    required: bool,
+    metavar: str = "FILE",
+    endings: Sequence[str] = (),
+) -> None:
+    """Add the option that names what is written; ``endings`` are those that its name may have, besides none."""
 
+    def place(text: str) -> str:
+        if not text:
+            raise argparse.ArgumentTypeError("is empty; name a file")
+        if endings and os.path.splitext(text)[1].lower() not in ("", *endings):
+            raise argparse.ArgumentTypeError(f"must end in {' or '.join(endings)}, not '{text}'")
+        return text
 
-def _place(text: str) -> str:
-    """The type of an argument that names a file or a folder."""
-    if not text:
-        raise argparse.ArgumentTypeError("is empty; name a file")
-    return text
+    parser.add_argument("-o", "--output", type=place, required=required, metavar=metavar, help=purpose)
 
 
 def add_number(parser: argparse.ArgumentParser, name: str, purpose: str, *, least: int, default: int) -> None:

@@ -157,7 +157,7 @@ def _draw_names(axis: Any, names: Sequence[str], masses: Sequence[float]) -> Non
     axis.set_yticks([])
     axis.set_xlim(0, 1.05 * max(masses))
     axis.set_ylim(len(names) - 0.5, -0.7)
-    axis.set_xlabel("mass", fontsize=7, color=ORANGE)
+    axis.set_xlabel("probability", fontsize=7, color=ORANGE)
 
 
 def _draw_shape(axis: Any, shape: BaseShape, unit: str) -> None:

@@ -25,7 +25,9 @@ def add_commands(commands: Any) -> None:
     hard.add_argument(
         "--factors", action="store_true", help="also say which factors the agent can change, and how much"
     )
-    arguments.add_output(hard, "also write the oracle's plan (npz), for segar.hardness.replay", required=False)
+    arguments.add_output(
+        hard, "also write the oracle's plan (npz), for segar.hardness.replay", required=False, endings=(".npz",)
+    )
 
 
 def hardness(chosen: argparse.Namespace) -> None:

@@ -22,7 +22,7 @@ def add_commands(commands: Any) -> None:
     sampling = arguments.command(commands, "sample", sample, "sample levels into a file")
     arguments.add_levels(sampling)
     arguments.add_output(
-        sampling, "the level file to be written, in JSON where it ends in .json, else in npz", required=True
+        sampling, "the level file to be written, .npz or .json", required=True, endings=(".npz", ".json")
     )
 
     schema = arguments.command(commands, "schema", show_schema, "print the JSON Schema of level files, for editors")

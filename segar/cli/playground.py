@@ -23,7 +23,7 @@ def add_commands(commands: Any) -> None:
     making.add_argument(
         "what", metavar="WHAT", help=f"{arguments.NAME_HELP}; a level file; or a suite, with its test levels beside it"
     )
-    arguments.add_output(making, "the page (html), one file that needs no network", required=True)
+    arguments.add_output(making, "the page, one file that needs no network", required=True, endings=(".html", ".htm"))
     add_level_sets(making)
     making.add_argument(
         "--observation", nargs="+", metavar="NAME",
