@@ -24,6 +24,9 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 
+LAST_WORDS = 10.0  # [s] for a checkpoint, when the owner of the pool has ended
+
+
 @dataclass(frozen=True)
 class Job:
     """One run: its unique name, the argument of its work, and the file for its output."""
@@ -116,6 +119,8 @@ def _begin_process(reader: Connection) -> None:
     def end_with_owner() -> None:
         reader.poll(None)  # nothing is ever sent: this returns when the other end is closed
         os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(LAST_WORDS)
+        os.kill(os.getpid(), signal.SIGKILL)
 
     threading.Thread(target=end_with_owner, daemon=True).start()
 

@@ -101,3 +101,17 @@ def test_killing_the_owner_ends_its_processes(tmp_path):
     owner.kill()
     owner.wait()
     until(lambda: not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children))
+
+
+def test_a_process_that_hears_no_signal_ends_with_its_owner_as_well():
+    program = (
+        "import multiprocessing, signal, time\n"
+        "from experiments.reproduction import process_pool\n"
+        "process_pool.LAST_WORDS = 0.1\n"
+        "reader, writer = multiprocessing.Pipe(duplex=False)\n"
+        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        "process_pool._begin_process(reader)\n"
+        "writer.close()\n"
+        "time.sleep(900)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == -signal.SIGKILL
