@@ -23,7 +23,6 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-
 LAST_WORDS = 10.0  # [s] for a checkpoint, when the owner of the pool has ended
 
 
