@@ -119,6 +119,8 @@ def make_by_class(**options: Any) -> gymnasium.Env:
 
 def make_batch_by_id(mode: str) -> Callable[..., gymnasium.vector.VectorEnv]:
     def make(**options: Any) -> gymnasium.vector.VectorEnv:
+        if mode == "vector_entry_point":  # wrappers of observations refuse its own mode, SAME_STEP
+            options["autoreset_mode"] = "NextStep"
         return gymnasium.make_vec(ID, N, mode, num_levels=5, max_episode_steps=STEPS, **options)
 
     return make
