@@ -100,7 +100,7 @@ def _settings(path: Path) -> dict[str, Any]:
     need("reading the settings of a run", "yaml")
     import yaml
 
-    text = content_of(path, "settings of a run", SegarError, LONGEST)
+    text = content_of(path, "file of settings", SegarError, LONGEST)
     try:
         settings = yaml.safe_load(text.decode())
         wrong = misfit(settings, SETTINGS)

@@ -316,7 +316,7 @@ def test_level_sets_without_common_levels_are_told_nothing(tmp_path):
     assert list(about_level_sets(both, by=())) == []
     (tmp_path / "broken").mkdir()
     (tmp_path / "broken" / LEVELS_TRAIN).write_bytes(b"nothing")
-    with pytest.raises(RunFolderError, match="cannot read the levels in"):
+    with pytest.raises(RunFolderError, match="is not a level file, or only part of one"):
         training_sets(runs.assign(folder=str(tmp_path / "broken")))
 
 

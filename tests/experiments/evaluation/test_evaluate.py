@@ -243,7 +243,7 @@ def test_what_is_not_there_is_named(trained, settings, error, says):
 
 
 def test_a_folder_that_holds_no_run_or_no_weights_is_refused(tmp_path, trained):
-    with pytest.raises(RunFolderError, match=r"cannot read the settings of a run from /.*/config.yaml: No such file"):
+    with pytest.raises(RunFolderError, match=r"there is no file of settings /.*/config.yaml"):
         evaluate(EvaluateConfig(str(tmp_path)))
     (tmp_path / "config.yaml").write_bytes((trained / "config.yaml").read_bytes())
     with pytest.raises(CheckpointError, match="there is no checkpoint in"):
@@ -293,7 +293,7 @@ def test_a_module_that_is_not_found_is_told_with_the_folders_that_were_searched(
         evaluate(EvaluateConfig(str(folder), **QUICK))
     says = str(told.value)
     assert says.startswith(
-        "run: its settings name moved_lab.levels, which cannot be imported: No module named 'moved_lab'."
+        "run: levels.train: 'moved_lab.levels:calm' cannot be imported: No module named 'moved_lab'."
     )
     assert f"{lab.parent} (which is no longer there)" in says and "among installed packages" in says
     assert says.endswith("which folder holds moved_lab, PYTHONPATH=FOLDER")
