@@ -22,6 +22,7 @@ from analysis.plotting.figures import (
     DOT,
     METADATA,
     draw_line,
+    entry,
     error_bars,
     legend_below,
     new_figure,
@@ -222,7 +223,7 @@ def _draw(axes: Axes, points: pd.DataFrame) -> None:
         part = select(points, group=name)
         look = {"fmt": "none", "ecolor": colours[name], "alpha": 0.35, "elinewidth": 1, "zorder": 2}
         axes.errorbar(column(part, "x"), column(part, "y"), yerr=error_bars(part, "y"), **look)
-        look = {"marker": marker, "color": colours[name], "label": f"{name:g}" if is_ordered else name, **DOT}
+        look = {"marker": marker, "color": colours[name], "label": f"{name:g}" if is_ordered else entry(name), **DOT}
         axes.scatter(column(part, "x"), column(part, "y"), s=36, zorder=3, **look)
     zero_line(axes)
 

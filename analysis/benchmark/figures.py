@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from analysis.benchmark.causes import EFFECT
 from analysis.benchmark.scores import OVERALL
 from analysis.plotting import style
-from analysis.plotting.figures import draw_profile, error_bars, legend_below, new_figure, zero_line
+from analysis.plotting.figures import draw_profile, entry, error_bars, legend_below, new_figure, zero_line
 from analysis.tables import column, select
 from experiments.benchmarking.protocol import REFERENCES
 
@@ -62,7 +62,7 @@ def _draw_profile(axes: Axes, board: pd.DataFrame, rows: Sequence[str], axes_nam
         part = select(board, row=row).set_index("axis").reindex(list(axes_names)).reset_index()
         place = np.arange(len(axes_names)) + SPREAD * ((i + 0.5) / len(rows) - 0.5)
         look: dict[str, Any] = {"fmt": markers[row], "color": colours[row], "markersize": 6, "elinewidth": 1.2}
-        axes.errorbar(place, column(part, "estimate"), yerr=error_bars(part, "estimate"), label=row, **look)
+        axes.errorbar(place, column(part, "estimate"), yerr=error_bars(part, "estimate"), label=entry(row), **look)
     zero_line(axes)
     axes.axhline(1, color="#999999", linewidth=0.8, zorder=1)
     for edge in np.arange(len(axes_names) - 1) + 0.5:

@@ -98,6 +98,11 @@ def legend_of(table: pd.DataFrame) -> list[Line2D]:
     return families + grey
 
 
+def entry(name: object) -> str:
+    """A name as the label of a legend: matplotlib leaves out labels that begin with an underscore."""
+    return f"\u2009{name}" if str(name).startswith("_") else str(name)
+
+
 def legend_below(figure: Figure, axes: Axes, columns: int, title: str | None = None) -> None:
     """The legend of one of the figure's axes, below all of them."""
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=columns, title=title)
@@ -128,5 +133,5 @@ def across(count: int) -> int:
 def draw_profile(axes: Axes, profile: pd.DataFrame, colour: str, label: str) -> None:
     """The share above each threshold, with the intervals of the points."""
     at, low, high = (column(profile, name) for name in ("threshold", "low", "high"))
-    axes.plot(at, column(profile, "estimate"), color=colour, linewidth=style.LINE_WIDTH, label=label)
+    axes.plot(at, column(profile, "estimate"), color=colour, linewidth=style.LINE_WIDTH, label=entry(label))
     axes.fill_between(at, low, high, color=colour, alpha=0.14, linewidth=0)

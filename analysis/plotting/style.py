@@ -30,6 +30,7 @@ SETTINGS: dict[str, Any] = {
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
     "legend.frameon": False,
+    "text.parse_math": False,  # names are users': a dollar is a dollar
     "pdf.fonttype": 42,  # letters stay letters
     "svg.hashsalt": "segar",
 }

@@ -96,9 +96,7 @@ class Situations:
         """The states in the world of the levels, once for each row of world parameters."""
         n, of_state = len(self), np.tile(np.arange(len(self)), len(rows))
         parameters = np.repeat(rows, n, axis=0)
-        there = replace(self.states[of_state], layout=levels.layout, world=levels.world, parameters=parameters)
-        levels.layout.set_floor(there.values, parameters)
-        return there
+        return replace(self.states[of_state], layout=levels.layout, world=levels.world).with_parameters(parameters)
 
 
 def make_situations(

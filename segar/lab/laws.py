@@ -46,10 +46,7 @@ def levels_of(lab: Lab, laws: Sequence[Any]) -> Levels:
             row[columns[option.active]] = 1.0
             for parameter in option.constants:
                 row[columns[parameter]] = constants[parameter.__name__]
-    levels = lab.hidden[[0] * len(laws)]
-    levels.parameters[:] = parameters
-    levels.layout.set_floor(levels.values, parameters)
-    return levels
+    return lab.hidden[[0] * len(laws)].with_parameters(parameters)
 
 
 def law_in(levels: Levels, space: RuleSpace) -> dict[str, Any]:

@@ -168,9 +168,7 @@ def _for_number(
 def _plan(lab: Lab, index: int, rng: np.random.Generator) -> Question | None:
     """Actions that lead from the beginning of the level to success; whatever does is right."""
     task = lab.task
-    level = lab.levels[index]
-    level.parameters[:] = lab.hidden.parameters
-    level.layout.set_floor(level.values, level.parameters)
+    level = lab.levels[index].with_parameters(lab.hidden.parameters)
     best = plan(level, task, rng=rng, samples=SAMPLES, iterations=ITERATIONS)
     if not best.solved[0]:
         return None

@@ -17,6 +17,7 @@ from segar.language import Order, Parameter, Position, Shape, Size, Velocity
 from segar.levels.apart import WITHOUT_EFFECT
 from segar.levels.distribution import LevelDistribution
 from segar.levels.hashing import content_hash
+from segar.levels.level_data import LevelData
 from segar.levels.level_set import Levels
 from segar.levels.mixing import RULES, mixed_levels
 from segar.levels.priors import Prior
@@ -111,6 +112,7 @@ def set_as(levels: Levels, donors: Levels, names: Collection[str], min_distance:
     layout, factors = levels.layout, [name for name in names if name not in (ENTITIES, Shape.__name__)]
     given = dataclasses.replace(donors, **_room(donors, levels), values=_as_placed(donors))
     mixed = mixed_levels(dataclasses.replace(levels, **_room(levels, donors)), given, {"set": factors}, {"set": True})
+    mixed = mixed.writable()
     if ENTITIES in names:
         _set_entities(mixed, given)
     if Shape.__name__ in names:
@@ -123,7 +125,7 @@ def set_as(levels: Levels, donors: Levels, names: Collection[str], min_distance:
     if Position.__name__ not in names:  # what is here and there does not move
         stayed = (levels.types >= 0) & (mixed.types >= 0)
         fits &= ((np.nan_to_num(before) == np.nan_to_num(positions)).all(axis=2) | ~stayed).all(axis=1)
-    return dataclasses.replace(mixed, sampled_values=mixed.values.copy()), fits & _differ(levels, mixed)
+    return dataclasses.replace(Levels(**vars(mixed)), sampled_values=mixed.values.copy()), fits & _differ(levels, mixed)
 
 
 def _concerns(prior: Prior, types: Collection[type]) -> bool:
@@ -151,7 +153,7 @@ def _as_placed(donors: Levels) -> np.ndarray:
     return values
 
 
-def _set_entities(mixed: Levels, donors: Levels) -> None:
+def _set_entities(mixed: LevelData, donors: Levels) -> None:
     """Let the entities of donors come where there is none of their type, and others go, in place."""
     columns = mixed.layout.columns
     staying = [columns[f] + k for f in STAYING if f in columns for k in range(f.width)]
@@ -166,7 +168,7 @@ def _set_entities(mixed: Levels, donors: Levels) -> None:
         getattr(mixed, name)[other] = getattr(donors, name)[other]
 
 
-def _set_outlines(mixed: Levels, donors: Levels) -> None:
+def _set_outlines(mixed: LevelData, donors: Levels) -> None:
     """Take the shapes of donors, with the sizes that follow from them, in place."""
     for name in OUTLINE:
         getattr(mixed, name)[:] = getattr(donors, name)
@@ -175,7 +177,7 @@ def _set_outlines(mixed: Levels, donors: Levels) -> None:
         mixed.values[:, :, size] = donors.values[:, :, size]
 
 
-def _differ(levels: Levels, mixed: Levels) -> np.ndarray:
+def _differ(levels: Levels, mixed: LevelData) -> np.ndarray:
     """Whether a level is another one, bool ``(n,)``; with other rules each is."""
     if mixed.world is not levels.world and (mixed.world is None or mixed.world.space is None):
         return np.ones(len(levels), np.bool_)

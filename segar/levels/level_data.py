@@ -81,6 +81,19 @@ class LevelData:
     def __len__(self) -> int:
         return len(self.types)
 
+    def writable(self, **arrays: np.ndarray) -> LevelData:
+        """The same fields with the arrays given, or with copies, which may be written as those of :class:`segar.Levels` may
+        not."""
+        fields: dict[str, Any] = {name: getattr(self, name).copy() for name in LEVEL_ARRAYS if name not in arrays}
+        return LevelData(**{**vars(self), **fields, **arrays})
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """The same numbers as an array that cannot be written."""
+    seen = array.view()
+    seen.flags.writeable = False
+    return seen
+
 
 @dataclass
 class Block:

@@ -19,7 +19,7 @@ from segar.errors import LevelError, PlacementError
 from segar.language import Entity, Layout, Parameter
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
 from segar.levels.from_entities import arrays_of_entities
-from segar.levels.level_data import LEVEL_ARRAYS, LevelData
+from segar.levels.level_data import LEVEL_ARRAYS, LevelData, read_only
 from segar.levels.level_json import fields_of, is_json, read_json, write_json
 from segar.levels.sampling.placement import fix_block
 from segar.levels.validity import check_levels, level_forms
@@ -48,7 +48,13 @@ class Levels(LevelData):
             distribution: distances keep their units.
         world: the rules, a :class:`segar.World`; None for the default ones. Files do not hold rules.
         task: name of the task that the levels are for; None for PuttPutt.
+
+    Arrays cannot be written: take a copy, and ``dataclasses.replace(levels, values=copy)``.
     """
+
+    def __post_init__(self) -> None:
+        for name in LEVEL_ARRAYS:  # sets are shared, as those of suites are, and others have seen their hash
+            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @classmethod
     def load(cls, path: str | PathLike[str], world: World | None = None) -> Levels:
@@ -98,9 +104,10 @@ class Levels(LevelData):
         Both hold the same levels to the bit. An existing file is replaced only by a complete one.
 
         Raises:
-            LevelError: the file cannot be written, or it is JSON and the levels could not be read from it; what stood at
-                ``path`` still stands there.
+            LevelError: the file cannot be written, or the levels could not be read from it, such as numbers that are not
+                finite; what stood at ``path`` still stands there.
         """
+        check_levels(self, "Levels.save: ")
         path = Path(path)
         if is_json(path):
             write_json(path, self)
@@ -108,17 +115,23 @@ class Levels(LevelData):
             arrays = {name: getattr(self, name) for name in LEVEL_ARRAYS} | {"indices": self.provenance.indices}
             FORMAT.write(path, arrays, description_of(self))
 
+    def with_parameters(self, parameters: np.ndarray) -> Levels:
+        """The same levels with other world parameters, float64 ``(n, P)``, which their floors follow."""
+        values = self.values.copy()
+        self.layout.set_floor(values, parameters)
+        return dataclasses.replace(self, values=values, parameters=parameters)
+
     def without_overlaps(self) -> Levels:
         """The same levels with things moved out of walls, and objects out of each other.
 
         Raises:
             PlacementError: the things of a level do not fit; the message names it.
         """
-        fixed = dataclasses.replace(self, values=self.values.copy())
+        fixed = self.writable()
         stuck = fix_block(fixed.layout, fixed)
         if len(stuck):
             raise PlacementError(f"level {stuck[0]}: its things do not fit into the arena without overlap")
-        return fixed
+        return dataclasses.replace(self, values=fixed.values)
 
     def __getitem__(self, index: Any) -> Levels:
         """Levels at an index, a slice, or an array of indices or truth values; always levels, never a single array."""

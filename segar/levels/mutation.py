@@ -11,7 +11,7 @@ import numpy as np
 from segar.errors import LevelError
 from segar.language import Order, Position, Size
 from segar.levels.distribution import LevelDistribution
-from segar.levels.level_data import LEVEL_ARRAYS, Provenance
+from segar.levels.level_data import LEVEL_ARRAYS, LevelData, Provenance
 from segar.levels.level_set import Levels
 from segar.levels.sampling.placement import fix_block
 from segar.levels.sampling.plan import SamplingPlan
@@ -93,7 +93,7 @@ def _changed_once(
         rows = np.repeat(left, each)
         donors = distribution.sample(len(rows), seed=int(rng.integers(2**63)), split="mutation")
         arrays, changed = _exchanged(levels[rows], donors, sites, rng.integers(len(sites), size=len(rows)))
-        tried = dataclasses.replace(levels[rows], **arrays)
+        tried = levels[rows].writable(**arrays)
         fits = (changed & _can_be_drawn(distribution, tried)).reshape(len(left), each)
         done = fits.any(axis=1)
         first = np.flatnonzero(done) * each + fits[done].argmax(axis=1)  # of each level, the first one that fits
@@ -201,13 +201,13 @@ def _differ(arrays: dict[str, np.ndarray], donors: Levels, site: Site, rows: np.
     return found
 
 
-def _can_be_drawn(distribution: LevelDistribution, tried: Levels) -> np.ndarray:
+def _can_be_drawn(distribution: LevelDistribution, tried: LevelData) -> np.ndarray:
     """Whether the distribution can draw each of these levels, bool ``(n,)``; fixes their overlaps in place."""
     layout = tried.layout
     if Position in layout.columns:
         x = layout.columns[Position]
         tried.values[:, :, x : x + 2] = tried.sampled_values[:, :, x : x + 2]
     stuck = fix_block(layout, tried)
-    fits = np.isfinite(distribution.log_prob(tried, normalised=False))
+    fits = np.isfinite(distribution.log_prob(Levels(**vars(tried)), normalised=False))
     fits[stuck] = False
     return fits

@@ -328,3 +328,13 @@ def test_the_plot_of_runs_of_different_code_has_the_warning_of_the_table(tmp_pat
     said = " ".join(gap_plot(runs, x="ks").axes[0].get_title(loc="left").split())
     warning = code_warning(run_rows([tmp_path / "runs"]))
     assert warning.startswith("warning: these runs were made by different code") and warning in said
+
+
+def test_names_are_drawn_as_they_are_and_not_as_markup():
+    names = ["_a", "$a_$", "cost $5 vs $6"]
+    runs = pd.concat([table(noise=1.0).assign(kind=name) for name in names], ignore_index=True)
+    figure = gap_plot(runs, group="kind")
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    assert [text.get_text().strip() for text in legend.get_texts()] == sorted(names)
+    assert not any(text.get_parse_math() for text in legend.get_texts())

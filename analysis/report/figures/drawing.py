@@ -18,6 +18,7 @@ from analysis.plotting.figures import (
     DOT,
     across,
     draw_line,
+    entry,
     error_bars,
     figure_of_panels,
     legend_below,
@@ -110,7 +111,7 @@ def figure_of_curves(table: pd.DataFrame, panels: Mapping[str, str], y_label: st
             part = select(table, panel=panel, n=n, **({kinds: kind} if kinds else {}))
             label = ", ".join(filter(None, [word_for(kind), f"{n}"]))
             at, value = column(part, "frames") / 1000, column(part, "value")
-            axes.plot(at, value, line, color=colour, linewidth=1.3, marker=".", markersize=3, label=label)
+            axes.plot(at, value, line, color=colour, linewidth=1.3, marker=".", markersize=3, label=entry(label))
         axes.set_title(title)
         axes.set_xlabel("thousand frames")
     grid[0].set_ylabel(y_label)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from analysis.gap_plot import gap_plot
 from analysis.plotting import style
-from analysis.plotting.figures import error_bars, figure_of_panels, legend_below, zero_line
+from analysis.plotting.figures import entry, error_bars, figure_of_panels, legend_below, zero_line
 from analysis.report.document.tables import means
 from analysis.report.figures.drawing import (
     GAP,
@@ -77,7 +77,9 @@ def by_number(study: Study, values: Sequence[str], label: str, caption: str) -> 
             look = filled if one == values[0] else hollow
             name = line_name(study, agent, one, values) or None
             bars = error_bars(part, "estimate")
-            axes.errorbar(at, column(part, "estimate"), yerr=bars, color=colours[agent, one], label=name, **look)
+            axes.errorbar(
+                at, column(part, "estimate"), yerr=bars, color=colours[agent, one], label=name and entry(name), **look
+            )
         zero_line(axes)
         log_axis(axes, sorted(set(study.runs["n"])))
         axes.set_title(panel)

@@ -80,7 +80,9 @@ def test_rules_without_a_group_are_those_of_the_rest(sets):
 def test_a_parameter_can_be_a_group_and_the_floor_follows_it():
     dist = segar.family("empty-easy")
     train, test = (dist.sample(4, seed=0, split=split) for split in ("train", "test"))
-    test.parameters[:, test.layout.parameters.index(FloorFriction)] = 0.3
+    parameters = test.parameters.copy()
+    parameters[:, test.layout.parameters.index(FloorFriction)] = 0.3
+    test = dataclasses.replace(test, parameters=parameters)
     groups = {"physics": [Gravity, FloorFriction]}
     made = mixed_levels(train, test, groups, {"physics": True})
     assert (made.parameters[:, made.layout.parameters.index(FloorFriction)] == 0.3).all()

@@ -7,6 +7,7 @@ from experiments.evaluation.evaluator import evaluate
 from experiments.evaluation.transfer_evaluation import evaluate_transfer
 from experiments.evaluation.transfers import Transfer
 from experiments.levels.builders import Prepared, check_observations, environment_options, make_levels
+from experiments.runs.run_folder import read_metrics
 from experiments.settings import (
     ConfigError,
     EvaluateConfig,
@@ -91,6 +92,8 @@ def test_an_agent_is_tested_in_the_units_that_it_was_trained_in(tmp_path, monkey
     evaluate_transfer(config, Transfer("harder", "empty-hard", "", seen, test_count=2), lambda line: None)
     collect_run(folder, frames=10, num_envs=2)
     assert len(measured) > 10 and {*measured} == {"empty-easy"}
+    last = read_metrics(folder).to_pandas()  # an evaluation within training falls on the last frame, too
+    assert "evaluation/test/return/deterministic" in set(last["name"]) and not last.duplicated(["name", "frames"]).any()
 
 
 def test_test_levels_without_what_the_task_needs_are_told_by_their_setting(tmp_path):

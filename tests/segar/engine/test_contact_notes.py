@@ -1,5 +1,6 @@
 """Rules of ``on_contact``: they see bodies as they meet, in both orders, and what they set outlasts the exchange."""
 
+import dataclasses
 from typing import Tuple  # as the paper writes rules
 
 import numpy as np
@@ -138,7 +139,9 @@ def test_a_note_sees_nothing_of_what_another_note_sets(engine):
         return SetFactor[Hits](drum[0], 10 * drum[1] + other[0])
 
     levels = head_on()
-    levels.values[:, 2, levels.layout.columns[Mass]] = 3.0
+    values = levels.values.copy()
+    values[:, 2, levels.layout.columns[Mass]] = 3.0
+    levels = dataclasses.replace(levels, values=values)
     state = after(engine, [move], levels, 3, on_contact=[swap, weigh])
     assert list(read(state, levels, Mass)[0, 2:4]) == [1.0, 3.0]
     assert read(state, levels, Hits)[0, 2] == 31.0

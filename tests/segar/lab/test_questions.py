@@ -31,10 +31,10 @@ def of(questions, *kinds):
 
 def replayed(lab, ask, actions, set=None, parameters=None):
     """The states that an environment goes through, float64 ``(steps, entities, columns)``, and whether there was success."""
-    level = replace(lab.levels[ask["level"]], parameters=lab.hidden.parameters.copy())
+    level, own = lab.levels[ask["level"]], lab.hidden.parameters.copy()
     for name, value in (parameters or {}).items():
-        level.parameters[0, [p.__name__ for p in level.layout.parameters].index(name)] = value
-    level.layout.set_floor(level.values, level.parameters)
+        own[0, [p.__name__ for p in level.layout.parameters].index(name)] = value
+    level = level.with_parameters(own)
     env = segar.envs.VectorEnv(level, 1, task=lab.task, seed=7, autoreset_mode="Disabled")
     env.reset(options={"levels": [0]})
     for entity, factors in (set or {}).items():

@@ -1,5 +1,6 @@
 """Level files that others made are data: each is read as it is meant, or refused with its name and what is wrong."""
 
+import dataclasses
 import io
 import json
 import tracemalloc
@@ -158,9 +159,9 @@ def test_the_limit_of_files_is_set_by_an_environment_variable(saved, monkeypatch
     ],
 )
 def test_environments_refuse_levels_with_numbers_that_cannot_be(factor, value, message):
-    levels = LEVELS[:]
-    column = levels.layout.columns[factor]
-    levels.values[1, NAMES.index("golfball"), column : column + factor.width] = value
+    column, values = LEVELS.layout.columns[factor], LEVELS.values.copy()
+    values[1, NAMES.index("golfball"), column : column + factor.width] = value
+    levels = dataclasses.replace(LEVELS, values=values)
     with pytest.raises(LevelError, match=f"^level 1: {message}"):
         segar.envs.VectorEnv(levels, 2)
 

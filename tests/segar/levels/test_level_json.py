@@ -1,5 +1,6 @@
 """Level files in JSON hold the same levels as npz files, to the bit; what people write is read, or refused with its place."""
 
+import dataclasses
 import json
 import re
 from pathlib import Path
@@ -101,7 +102,9 @@ things = st.one_of(
 def test_levels_of_any_entities_are_kept_to_the_bit(levels, wind, floor, drawn, named, tmp_path_factory):
     made = Levels.from_entities(levels, {Wind: wind, FloorFriction: floor, Gravity: -0.0}, name=named)
     column = made.layout.columns[Position]
-    made.sampled_values[0, 0, column] = drawn  # as where overlaps were fixed
+    sampled = made.sampled_values.copy()
+    sampled[0, 0, column] = drawn  # as where overlaps were fixed
+    made = dataclasses.replace(made, sampled_values=sampled)
     assert_kept(made, tmp_path_factory.mktemp("levels"))
 
 
@@ -326,12 +329,13 @@ def test_a_short_text_that_stands_for_very_many_numbers_is_refused(tmp_path):
 
 def test_levels_that_could_not_be_read_again_are_not_written(tmp_path):
     path = tmp_path / "x.json"
-    wrong = LEVELS[:]
-    wrong.values[1, LEVELS.layout.slot_index("golfball"), LEVELS.layout.columns[Mass]] = np.nan
+    values, other = LEVELS.values.copy(), LEVELS.values.copy()
+    values[1, LEVELS.layout.slot_index("golfball"), LEVELS.layout.columns[Mass]] = np.nan
+    wrong = dataclasses.replace(LEVELS, values=values)
     with pytest.raises(LevelError, match=r"x.json: level 1: Mass of 'golfball' is nan"):
         wrong.save(path)
-    floor = LEVELS[:]
-    floor.values[1, -1, LEVELS.layout.columns[segar.Friction]] = 0.75
+    other[1, -1, LEVELS.layout.columns[segar.Friction]] = 0.75
+    floor = dataclasses.replace(LEVELS, values=other)
     with pytest.raises(
         LevelError, match=r"x.json: levels\[1\].*Friction: is 0.75, and the parameter FloorFriction is 0.05"
     ):

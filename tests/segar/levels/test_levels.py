@@ -42,6 +42,7 @@ from segar import (
 from segar.errors import LevelError, PlacementError
 from segar.language import ID, ConvexHull, FloorFriction, Heat, Hole, Label, Order, RandomConvexHull
 from segar.levels.level_data import LEVEL_ARRAYS
+from segar.suites import suite
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 SOME = ("empty-easy", "objectsx3-hard", "tilesx2-medium", "puttputt")
@@ -336,10 +337,10 @@ def test_an_index_beyond_the_levels_is_an_error():
 
 def test_levels_differ_when_any_bit_differs():
     levels = family("empty-hard").sample(3)
-    other = dataclasses.replace(levels, values=levels.values.copy())
-    assert other == levels
-    other.values[1, 0, 0] = np.nextafter(other.values[1, 0, 0], 2.0)
-    assert other != levels
+    values = levels.values.copy()
+    assert dataclasses.replace(levels, values=values.copy()) == levels
+    values[1, 0, 0] = np.nextafter(values[1, 0, 0], 2.0)
+    assert dataclasses.replace(levels, values=values) != levels
 
 
 def test_levels_by_hand_hold_exactly_what_was_given():
@@ -417,7 +418,7 @@ def test_entities_that_cannot_make_levels_are_refused(make, message):
         (lambda: family("empty-easy").sample(0), LevelError, "'empty-easy': the number of levels must be"),
         (lambda: family("empty-easy").sample(True), LevelError, "the number of levels must be"),
         (lambda: family("empty-easy").sample(5, seed=0.5), LevelError, "the seed must be a whole number"),
-        (lambda: family("empty-easy").sample(5, split=1), LevelError, "the split must be a text"),
+        (lambda: family("empty-easy").sample(5, split=1), LevelError, "the split must be a word"),
     ],
 )
 def test_a_configuration_that_makes_no_sense_is_refused_at_once(make, error, message):
@@ -477,3 +478,33 @@ def test_an_abstract_entity_without_a_place_is_not_placed():
     ).sample(3)
     assert np.isnan(positions(levels)[:, 1]).all()
     assert (levels.values[:, 1, levels.layout.columns[Charge]] >= 1).all()
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: suite("place-few-v1").test_levels,
+        lambda: family("empty-hard").sample(3),
+        lambda: family("empty-hard").sample(3)[1:],
+        lambda: family("objectsx1-hard").sample(3).without_overlaps(),
+        lambda: Levels.from_entities([[segar.GolfBall()]]),
+    ],
+)
+def test_arrays_of_levels_cannot_be_written(made):
+    levels = made()
+    for name in LEVEL_ARRAYS:
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(levels, name)[:] = 0
+
+
+@pytest.mark.parametrize("name", ["levels.npz", "levels.json"])
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_levels_that_could_not_be_loaded_are_not_saved(name, wrong, tmp_path):
+    levels = family("empty-hard").sample(3)
+    values = levels.values.copy()
+    values[1, 0, levels.layout.columns[segar.Position]] = wrong
+    levels.save(tmp_path / name)
+    before = (tmp_path / name).read_bytes()
+    with pytest.raises(LevelError, match="level 1"):
+        dataclasses.replace(levels, values=values).save(tmp_path / name)
+    assert (tmp_path / name).read_bytes() == before
