@@ -14,6 +14,7 @@ from segar.language import (
     Count,
     Factor,
     Framerate,
+    MaxVelocity,
     MinMass,
     MinVelocity,
     Parameter,
@@ -37,7 +38,7 @@ LEAST_CHANGE = 3.0  # of the scale: what is asked differs so much from what was 
 TRIED_CHANGES = 8
 FACTORS = (0.25, 0.5, 2.0, 4.0)  # by which a number is multiplied
 FROM_ZERO = (0.5, 1.0)  # what a number becomes that is 0
-TECHNICAL = (Framerate, MinMass, MinVelocity)  # parameters of the simulation rather than of the physics
+TECHNICAL = (Framerate, MaxVelocity, MinMass, MinVelocity)  # parameters of the simulation rather than of the physics
 SAMPLES, ITERATIONS = 64, 4  # of the planner
 SPARE = 2  # times the steps of the planner's way are allowed
 
