@@ -96,7 +96,7 @@ OPTIONS = {  # argument, value, what the message names
 }
 RESETS = {
     "text for the seed": ({"seed": "1"}, "seed"),
-    "several seeds": ({"seed": [1, 2]}, "seed"),
+    "too many seeds": ({"seed": [1, 2, 3]}, "seed"),
     "a negative seed": ({"seed": -1}, "seed"),
     "a truth for the seed": ({"seed": True}, "seed"),
     "a list of options": ({"options": [1]}, "options"),
