@@ -127,7 +127,7 @@ def _means(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     for name, budget in dict.fromkeys((row["baseline"], row["budget"]) for row in rows):
         own = [row for row in rows if (row["baseline"], row["budget"]) == (name, budget)]
         numbers = {c: np.array([float(row[c] or "nan") for row in own]) for c in ("score", "precision", "recall")}
-        score, low, high = mean_of_levels(numbers["score"])
+        score, low, high = mean_of_levels(numbers["score"], 0.0, 1.0)
         shares = {c: mean_of_levels(x[~np.isnan(x)]).value for c, x in numbers.items() if c != "score"}
         made = {"baseline": name, "budget": int(budget), "worlds": len(own), "score": score, "low": low, "high": high}
         found.append(made | shares)
