@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
@@ -292,7 +292,7 @@ def _like(levels: Levels, twins: Levels) -> Levels:
     return dataclasses.replace(levels, vertices=vertices, world=twins.world, provenance=origin, distribution=None)
 
 
-def _put(whole: Part, names: Sequence[str], rows: np.ndarray, others: Part) -> Part:
+def _put(whole: Part, names: Collection[str], rows: np.ndarray, others: Part) -> Part:
     """Levels or plans with those of ``others`` in these rows of the arrays of these names."""
     arrays = {name: getattr(whole, name).copy() for name in names}
     for name, array in arrays.items():
