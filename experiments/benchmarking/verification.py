@@ -73,7 +73,7 @@ def verify(
 def is_verified(row: Row) -> bool:
     """Whether this user has verified the whole row, or it is one that comes with SEGAR, which tests verify."""
     shipped, record = SHIPPED / row.method.name / ROW, private_cache_folder() / VERIFIED
-    known = record.read_text("ascii").splitlines() if record.exists() else []
+    known = record.read_text(encoding="ascii").splitlines() if record.exists() else []
     return _content(row) in known or (shipped.exists() and _content(read_row(shipped.parent)) == _content(row))
 
 

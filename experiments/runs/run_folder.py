@@ -277,7 +277,7 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
     """
     path = Path(folder) / CONFIG
     try:
-        text = content_of(path.resolve(), "file of settings", RunFolderError, LONGEST).decode()
+        text = content_of(path.absolute(), "file of settings", RunFolderError, LONGEST).decode()
         data = read_yaml(text)
         if not isinstance(data, Mapping):
             raise ConfigError("it holds no settings")

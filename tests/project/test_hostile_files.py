@@ -33,15 +33,16 @@ from segar.datasets.recipe import recipe_from
 from segar.envs import Snapshot, VectorEnv
 from segar.errors import SegarError
 from segar.hardness import Plan, plan
+from segar.lab import Lab, Session
 from segar.playground.run_folder import read_policy
 from segar.policies import Network
-from segar.queries import make_questions, read_answers, read_questions, write_questions
 from segar.suites import read_suite
 from segar.suites.suite_file import HASHED, suite_hash
 from segar.tasks import task_of
 from segar.textures import TextureSet
 from tests.hostile import SECRET, assert_nothing_runs
 from tests.segar.datasets.test_human_play import played
+from tests.segar.lab.conftest import DISTRIBUTION, WORLD
 from tests.segar.policies.networks import NETWORKS
 from tests.synthetic_runs import settings, write_run
 
@@ -215,14 +216,18 @@ def test_recordings_of_play_run_nothing(tmp_path):
     check(tmp_path, data, json_at(tmp_path / "play.json"), lambda: read_play(tmp_path / "play.json"))
 
 
-def test_questions_and_answers_run_nothing(tmp_path):
-    questions, answers = make_questions(segar.family("empty-easy"), 1, kinds=["predict"], seed=0)
-    path = tmp_path / "questions.jsonl"
-    key = write_questions(path, questions, answers)
-    check(tmp_path, json.loads(path.read_text()), json_at(path), lambda: read_questions(path))
-    write_questions(path, questions, answers)
-    data = json.loads(key.read_text())
-    assert_nothing_runs(data, json_at(key), lambda: read_answers(key, questions), tmp_path / "hostile2")
+def test_sessions_of_a_lab_run_nothing(tmp_path):
+    lab, path = Lab(DISTRIBUTION, world=WORLD, noise=0.0), tmp_path / "session.jsonl"
+    session = Session(lab)
+    session.experiment(steps=2, level=0, set={"golfball": {"Mass": 1.5}})
+    session.save(path)
+    head, first = map(json.loads, path.read_text().splitlines())
+
+    def write(data):
+        path.write_text("".join(f"{json.dumps(line)}\n" for line in data.values()))
+        return path
+
+    check(tmp_path, {"head": head, "first": first}, write, lambda: Session.load(path, lab))
 
 
 def test_suites_run_nothing(tmp_path):
@@ -279,8 +284,8 @@ def test_recipes_of_datasets_run_nothing(tmp_path):
 
 LOADERS = {
     "levels.npz": segar.Levels.load, "levels.json": segar.Levels.load, "network.npz": Network.load, "plan.npz": Plan.load,
-    "snapshot.npz": Snapshot.load, "textures.npz": TextureSet.load, "play.json": read_play, "questions.jsonl": read_questions,
-    "answers.jsonl": lambda path: read_answers(path, []), "suite-v1.toml": read_suite,
+    "snapshot.npz": Snapshot.load, "textures.npz": TextureSet.load, "play.json": read_play, "suite-v1.toml": read_suite,
+    "session.jsonl": lambda path: Session.load(path, Lab(DISTRIBUTION, world=WORLD)),
     "config.yaml": lambda path: read_config(path.parent), "row.json": lambda path: read_row(path.parent),
 }  # fmt: skip
 

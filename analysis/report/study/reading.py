@@ -115,7 +115,7 @@ def read_study(folder: Path) -> Study:
     if wrong := misfit(asked, READ):
         raise RunFolderError(f"{path}: {wrong}")
     used = {key: asked[key] for key in ("claims", "module_path") if key in asked}
-    add_module_path(settings_of_file(path, used, text=text).get("module_path", ()))
+    add_module_path(settings_of_file(path, used, (), text).get("module_path", ()))
     results = read_results(folder, NEEDED)
     table, vary = results.runs, [str(name) for name in (asked.get("grid") or {}).get("vary", ())]
     shared = table["levels.seed"].fillna(table["seed"]) if "levels.seed" in table else table["seed"]
