@@ -56,12 +56,16 @@ STUDY = {
 
 
 def planted(work):
-    """Stands for training: the gap is -4 W2, and 2 worse with the larger gamma; chance is that of the level set."""
+    """Stands for training: the gap is -4 W2, and 2 worse with the larger gamma; chance is that of the level set.
+
+    A little noise is each run's own: differences that are equal in all blocks would have no interval.
+    """
     run = work.run
     rng = np.random.default_rng([run.levels.seed, run.levels.count])
+    noise = np.random.default_rng(list(folder_path(run).name.encode())).normal()
     w2 = run.levels.count**-0.3 * (1 + 0.1 * rng.normal())
     cost = 2.0 if run.algorithm.gamma == 0.99 else 0.0
-    write_run(run, gap=-4 * w2 - cost + 0.1 * rng.normal(), w2=w2 / 2)
+    write_run(run, gap=-4 * w2 - cost + 0.1 * rng.normal() + 0.01 * noise, w2=w2 / 2)
     for transfer in work.transfers:
         out = transfer.folder(run)
         out.mkdir(parents=True)
@@ -99,7 +103,7 @@ def test_planted_effects_are_found_and_their_absence_too(folder):
     assert {name: row["verdict"] for name, row in found.items()} == {
         "distance": "holds", "gamma": "holds", "hard": "holds", "own": "holds", "far": "holds",
     }  # fmt: skip
-    assert float(found["gamma"]["estimate"]) == pytest.approx(-2.0)
+    assert float(found["gamma"]["estimate"]) == pytest.approx(-2.0, abs=0.02)
     # 24 agents with a planted gap of -9 there, and those that have these levels as their own test levels.
     runs = read_study(folder).runs
     own = runs[runs["panel"] == "empty-hard"]["gap"].mean()
