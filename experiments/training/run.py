@@ -152,8 +152,6 @@ def _carry_out(training: Training, say: Callable[[str], None]) -> dict[str, Any]
         final |= training.chosen.finish(learner.frames)
         training.write_played()
     evaluation_seconds = time.perf_counter() - began
-    # An evaluation within training at these very frames, of fewer episodes, gives way to the last one.
-    training.rows = [row for row in training.rows if row["frames"] != learner.frames or row["name"] not in final]
     training.log(final)
     write_rows(folder / EPISODES, episodes, EPISODE_SCHEMA)
     training.write_figures()

@@ -77,7 +77,7 @@ class Training:
         say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
 
     def train(self) -> None:
-        """Iterates until the budget is used up; evaluates on the test levels every ``evaluation.interval`` frames.
+        """Iterates until the budget is used up; evaluates on the test levels every ``evaluation.interval`` frames but the last ones.
 
         Raises:
             TrainingError: a figure or a weight is not finite. The last checkpoint is from before that.
@@ -95,7 +95,7 @@ class Training:
                 before = learner.frames
                 figures = self.iterate()
                 progress.update(learner.frames, figures)
-                if _crossed(before, learner.frames, config.evaluation.interval):
+                if learner.frames < total and _crossed(before, learner.frames, config.evaluation.interval):
                     self.log(self.evaluate())
                 is_time = time.monotonic() - saved > config.checkpoint_interval
                 if is_time or learner.frames >= total or self.signals.pending:

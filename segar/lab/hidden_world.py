@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.engine import Simulator, State, StepResult
+from segar.engine import Simulator, State, StepResult, generate
 from segar.envs import world_of
 from segar.errors import SegarError
 from segar.language import (
@@ -83,7 +83,7 @@ class Lab:
                 raise SegarError(f"Lab: {name} must be a whole number from {low} up, not {getattr(self, name)!r}")
         if not 0 <= self.noise < np.inf:
             raise SegarError(f"Lab: the noise must be a finite number from 0 up, not {self.noise!r}")
-        if self.space and self.player(self.hidden).source.draws:
+        if self.space and generate(self.hidden.layout, world_of(self.hidden), self.task.functions()).draws:
             raise SegarError("Lab: a rule or the task draws random numbers, so that nobody can know what comes")
 
     @cached_property

@@ -122,12 +122,13 @@ class Session:
         Raises:
             SegarError: there is no such file, it is no session in this lab, or a reply is another one now.
         """
-        path, session = Path(path), cls(lab)
+        path = Path(path)
         content = content_of(path, "session", SegarError)
         try:
             lines = [from_json(line) for line in content.splitlines()]
         except ValueError as error:
             raise SegarError(f"{path} is no session: {error}") from error
+        session = cls(lab)
         head = from_json(_json(session._head()).encode())
         if not lines or lines[0] != head:
             raise SegarError(f"{path} is no session in this lab, whose first line would be {_json(head)}")

@@ -109,7 +109,7 @@ def test_a_task_without_a_scripted_player_says_how_to_give_it_one(capsys, tmp_pa
     named = ["--policy", "script", "--task", f"{tmp_path}/silent.py:task"]
     assert cli.main(["record", "empty-easy", "-o", "none-v0", *named]) == cli.USAGE_ERROR
     said = capsys.readouterr().err
-    assert "has no scripted player. Give the task demo_actions=, a function of info['factors']" in said
+    assert "has no scripted player. Give the task demo_actions=, a function of factors" in said
     assert not list((tmp_path / "minari").rglob("*.hdf5"))
 
 

@@ -189,7 +189,7 @@ def test_rules_that_a_level_file_only_names_are_asked_for(capsys, tmp_path):
         (["hardness", "lab.py:gale"], "sample it first: segar sample lab.py:gale -o levels.npz"),
         (["distance", "{easy}", "empty-hard"], "sample it first: segar sample empty-hard -o levels.npz"),
         (["hardness", "{easy}", "--task", "putput"], "no task is called 'putput'. Did you mean 'puttputt'?"),
-        (["hardness", "{easy}", "--task", "os:path"], "'os:path' is no segar.Task, nor a function that makes one"),
+        (["hardness", "{easy}", "--task", "os:sep"], "'os:sep' is no segar.Task, nor a function that makes one"),
         (["hardness", "{easy}", "--world", "no_such:world"], "'no_such:world' cannot be imported: No module named"),
         (["hardness", "{easy}", "--task", "billiards"], "choose the task that these levels are for"),
     ],

@@ -147,7 +147,7 @@ def test_a_recording_with_other_contents_is_refused_or_the_same(tmp_path):
 def test_a_recording_that_needs_more_memory_than_the_limit_is_refused(tmp_path, monkeypatch):
     played(tmp_path / "play.json", segar.family("empty-easy").sample(1, seed=0), [(0, 0), (0, 1), (0, 2)], steps=60)
     monkeypatch.setenv("SEGAR_FILE_LIMIT", "0")
-    with pytest.raises(SegarError, match=r"play.json: this level file of .* would expand to"):
+    with pytest.raises(SegarError, match=r"play.json: this recording of play has more than 0 bytes"):
         read_play(tmp_path / "play.json")
     monkeypatch.setenv("SEGAR_FILE_LIMIT", "1")
     with pytest.raises(SegarError, match=r"play.json: this recording of play of .* would expand to"):

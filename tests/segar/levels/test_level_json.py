@@ -332,7 +332,7 @@ def test_levels_that_could_not_be_read_again_are_not_written(tmp_path):
     values, other = LEVELS.values.copy(), LEVELS.values.copy()
     values[1, LEVELS.layout.slot_index("golfball"), LEVELS.layout.columns[Mass]] = np.nan
     wrong = dataclasses.replace(LEVELS, values=values)
-    with pytest.raises(LevelError, match=r"x.json: level 1: Mass of 'golfball' is nan"):
+    with pytest.raises(LevelError, match=r"level 1: Mass of 'golfball' is nan"):
         wrong.save(path)
     other[1, -1, LEVELS.layout.columns[segar.Friction]] = 0.75
     floor = dataclasses.replace(LEVELS, values=other)

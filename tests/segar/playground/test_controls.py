@@ -307,7 +307,7 @@ def test_what_a_person_played_is_played_again_by_python(page: Any, tmp_path: Pat
     waiting.value.save_as(tmp_path / "episodes.json")
     levels, episodes = read_play(tmp_path / "episodes.json")
     assert levels == segar.family("objectsx3-hard").sample(LEVELS, seed=1)
-    assert [one.level for one in episodes] == [0, 1, 2]
+    assert [one.options["level"] for one in episodes] == [0, 1, 2]
     assert episodes[1].rewards.sum() == pytest.approx(last)
     assert (len(episodes[2].rewards), episodes[2].terminations[-1], episodes[2].truncations[-1]) == (1, False, False)
     assert page.evaluate("window.playground.levels.factor(2, 0, 'Mass')") == [3]

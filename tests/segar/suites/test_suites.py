@@ -205,8 +205,8 @@ def test_slots_that_training_never_fills_have_no_say_in_exact_statistics():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"task": "putputt"}, r"mine-v1\.toml: task: no task is called 'putputt'\. Did you mean 'puttputt'"),
-        ({"options": {"max_stps": 5}}, r"mine-v1\.toml: task\.options: .*unexpected keyword argument 'max_stps'"),
+        ({"task": "putputt"}, r"mine-v1\.toml: task: the task 'putputt' is not built in.* Did you mean 'puttputt'"),
+        ({"options": {"max_stps": 5}}, r"mine-v1\.toml: task: 'puttputt' .*unexpected keyword argument 'max_stps'"),
     ],
 )
 def test_a_task_or_options_that_are_none_are_told_and_nothing_is_written(tmp_path, given, said):
