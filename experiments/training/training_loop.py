@@ -77,7 +77,7 @@ class Training:
         say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
 
     def train(self) -> None:
-        """Iterates until the budget is used up; evaluates on the test levels every ``evaluation.interval`` frames but the last ones.
+        """Iterates until the budget is used up; evaluates on the test levels every ``evaluation.interval`` frames before.
 
         Raises:
             TrainingError: a figure or a weight is not finite. The last checkpoint is from before that.
