@@ -192,9 +192,8 @@ class HostEpisodes:
         if issubclass(factor, Parameter):
             return self._intervene_on_parameter(factor, value, mask)
         layout, now = self.pool.levels.layout, self.now.state
-        first = layout.columns[factor]
         values = now.values.copy()
-        part = values[:, layout.slot_index(entity), first : first + factor.width]
+        part = values[:, layout.slot_index(entity), layout.columns_of(factor)]
         if np.isnan(part[mask]).any():
             raise LevelError(f"'{entity}' has no {factor.__name__} in some of these environments")
         part[mask] = factor.check(value)

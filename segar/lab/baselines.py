@@ -149,9 +149,11 @@ def grade_baselines(
     done = {(row["world"], row["budget"], row["baseline"]) for row in rows}
     for world in range(worlds):
         missing = [(b, name) for b in budgets for name in baselines if (str(world), str(b), name) not in done]
-        grader = Grader(replace(lab, world=world)) if missing else None
+        if not missing:
+            continue
+        grader = Grader(replace(lab, world=world))
         for budget, name in missing:
-            rows.append({"lab": identity, **_row(grader, world, budget, name)})  # type: ignore[arg-type]
+            rows.append({"lab": identity, **_row(grader, world, budget, name)})
             with replacing(path, "the grades") as beside, beside.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.DictWriter(file, COLUMNS)
                 writer.writeheader()
@@ -274,7 +276,7 @@ def _fits(lab: Lab, names: Sequence[str]) -> bool:
     """Whether these options can hold together: few enough, each once, and none that excludes another."""
     places = {lab.space.index(name) for name in names}
     few = len(names) == len(places) <= lab.space.count.atoms[0].max()
-    return few and not any(len(places.intersection(group)) > 1 for group in lab.space.exclusive)
+    return few and not lab.space.excludes(places)
 
 
 def _picked(experiments: Mapping[str, Any], rows: np.ndarray) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from segar.evaluation import Interval
 from segar.hardness import Situations, make_situations
-from segar.lab.hidden_world import Lab, columns_of
+from segar.lab.hidden_world import Lab
 from segar.lab.laws import EMPTY, bits_of, law_in, levels_of
 from segar.language import Position
 from segar.levels import Levels
@@ -65,6 +65,7 @@ class Grader:
         rng = np.random.default_rng(lab.seed)
         made = [make_situations(levels, lab.task, rng=rng, horizons=HORIZONS) for levels in sets]
         self.situations: dict[str, Situations] = dict(zip(SETS, made, strict=True))
+        self._law = law_in(lab.hidden, lab.space)["options"]
         self._truth = [situations.outcomes(lab.hidden) for situations in made]
         self._scale = np.stack([self._squares(levels_of(lab, [EMPTY])), self._squares(lab.default_physics)])[:, :, 0]
         weights = np.random.default_rng(lab.seed).multinomial(
@@ -94,7 +95,7 @@ class Grader:
         ])  # fmt: skip
 
     def _grade(self, law: Any, scores: np.ndarray, distances: np.ndarray, start: np.ndarray) -> Grade:
-        truth, answer = law_in(self.lab.hidden, self.lab.space)["options"], law.get("options", {})
+        truth, answer = self._law, law.get("options", {})
         right = [name for name in answer if name in truth]
         values = zip(SETS, distances.tolist(), *start.tolist(), strict=True)
         return Grade(
@@ -123,7 +124,7 @@ def _intervened(lab: Lab, levels: Levels) -> Levels:
     rng, values = np.random.default_rng(lab.seed), levels.values.copy()
     for factor, (low, high) in lab.settable.items():
         if factor in levels.layout.columns and factor is not Position:
-            at = columns_of(levels.layout, factor)
+            at = levels.layout.columns_of(factor)
             drawn = rng.uniform(low, high, values[..., at].shape)
             values[..., at] = np.where(np.isnan(values[..., at]), np.nan, drawn)
     return replace(levels, values=values)

@@ -18,7 +18,6 @@ from segar.language import (
     Charge,
     Factor,
     Flag,
-    Layout,
     Mass,
     Object,
     Position,
@@ -260,8 +259,3 @@ def source_of(rule: Rule) -> dict[str, Any]:
     around = inspect.getclosurevars(function)
     numbers = {k: v for k, v in {**around.globals, **around.nonlocals}.items() if isinstance(v, (int, float))}
     return {"name": rule.name, "code": textwrap.dedent(text), "numbers": numbers}
-
-
-def columns_of(layout: Layout, factor: type[Factor]) -> slice:
-    """The columns of a factor."""
-    return slice(layout.columns[factor], layout.columns[factor] + factor.width)

@@ -51,8 +51,8 @@ def levels_of(lab: Lab, laws: Sequence[Any]) -> Levels:
 
 def law_in(levels: Levels, space: RuleSpace) -> dict[str, Any]:
     """The law that holds in a single level of the rule space, as data."""
-    values = dict(zip(levels.layout.parameters, levels.parameters[0].tolist(), strict=True))
-    return laws_of(space, np.array([[values[p] for p in space.parameters]]))[0]
+    columns = [levels.layout.parameters.index(p) for p in space.parameters]
+    return laws_of(space, levels.parameters[:1, columns])[0]
 
 
 def laws_of(space: RuleSpace, values: np.ndarray) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from segar.errors import SegarError
 from segar.hardness import plan
-from segar.lab.hidden_world import QUESTION_LEVELS, START_LEVELS, Lab, Played, columns_of
+from segar.lab.hidden_world import QUESTION_LEVELS, START_LEVELS, Lab, Played
 from segar.language import (
     Count,
     Factor,
@@ -244,10 +244,10 @@ def _changes(lab: Lab, fact: Case, rng: np.random.Generator) -> Iterator[tuple[d
 def _other_value(lab: Lab, fact: Case, rng: np.random.Generator) -> tuple[dict[str, Any], Case]:
     laws, values, actions = fact
     layout, slots = laws.layout, range(len(laws.layout.slots) - 1)
-    places = [(s, f) for s in slots for f in lab.settable if not np.isnan(values[s, columns_of(layout, f)]).any()]
+    places = [(s, f) for s in slots for f in lab.settable if not np.isnan(values[s, layout.columns_of(f)]).any()]
     slot, factor = places[rng.integers(len(places))]
     value, other = [rounded(x) for x in rng.uniform(*lab.settable[factor], factor.width)], values.copy()
-    other[slot, columns_of(layout, factor)] = value
+    other[slot, layout.columns_of(factor)] = value
     named = {factor.__name__: value if factor.width > 1 else value[0]}
     return {"set": {layout.names[slot]: named}}, (laws, other, actions)
 

@@ -231,10 +231,10 @@ def read_experiment(
     if (level != np.rint(level)).any():
         raise SegarError(f"'level' must be a whole number from 0 to {levels - 1}")
     changes, layout = [], lab.hidden.layout
+    bounds = {factor.__name__: (factor, *ends) for factor, ends in lab.settable.items()}
     for entity, factors in request.get("set", {}).items():
         slot = layout.slot_index(entity)
         for name, given in factors.items():
-            bounds = {factor.__name__: (factor, *ends) for factor, ends in lab.settable.items()}
             if name not in bounds:
                 raise SegarError(f"'set.{entity}.{name}' cannot be set.{did_you_mean(name, bounds)}")
             factor, low, high = bounds[name]
@@ -257,11 +257,9 @@ def read_experiment(
     level = np.broadcast_to(level, n).astype(int)
     values = lab.levels.values[level]
     for at, slot, factor, value in changes:
-        column = layout.columns.get(factor, 0)
-        part = values[:, slot, column : column + factor.width]
-        if factor not in layout.columns or np.isnan(part).any():
+        if factor not in layout.columns or np.isnan(values[:, slot, layout.columns_of(factor)]).any():
             raise SegarError(f"'{at}': the entity has no {factor.__name__}")
-        part[:] = value.reshape(-1, factor.width)
+        values[:, slot, layout.columns_of(factor)] = value.reshape(-1, factor.width)
     return level, values, np.broadcast_to(actions, (n, *actions.shape[-2:])).astype(np.float32), is_batch
 
 

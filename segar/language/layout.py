@@ -115,6 +115,10 @@ class Layout:
             )
         raise LevelError(f"no entity has a factor '{name}'.{did_you_mean(name, self.by_name)}")
 
+    def columns_of(self, factor: type[Factor]) -> slice:
+        """The columns of a factor."""
+        return slice(self.columns[factor], self.columns[factor] + factor.width)
+
     def set_floor(self, values: np.ndarray, parameters: np.ndarray) -> None:
         """Give the floor, an entity whose factor rules read, the friction that is a parameter of its level, in place.
 

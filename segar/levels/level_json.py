@@ -17,7 +17,7 @@ from segar.errors import LevelError, did_you_mean
 from segar.language import CIRCLE, HULL, Entity, FloorFriction, Friction, GlobalFriction, Layout, Shape
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
 from segar.levels.level_data import Block, LevelData
-from segar.levels.validity import check_levels, level_forms
+from segar.levels.validity import level_forms
 from segar.rules import World
 from segar.support import __version__, check_form, check_size, from_handwritten_json, json_in, replacing, shown
 
@@ -57,7 +57,6 @@ def write_json(path: Path, levels: LevelData) -> None:
         LevelError: nobody could read the levels from the file, or the system refuses; what stood at ``path`` still stands
             there.
     """
-    check_levels(levels, f"{path}: ")
     _check_floor(levels.layout, levels.values, levels.parameters, f"{path}: ")
     description = description_of(levels)
     _check_texts(description, f"{path}: ")
@@ -297,7 +296,7 @@ def _read_entity(at: str, entity: Any, i: int, k: int, read: _Read) -> None:
     for name, factor in factors.items():
         if name not in entity["factors"]:
             raise LevelError(f"{at}.factors: '{name}' is absent, which every {kind.__name__} has")
-        part = slice(layout.columns[factor], layout.columns[factor] + factor.width)
+        part = layout.columns_of(factor)
         block.values[i, k, part] = value = _value(f"{at}.factors.{name}", entity["factors"][name], factor.width)
         block.sampled_values[i, k, part] = (
             _value(f"{at}.sampled.{name}", sampled[name], factor.width) if name in sampled else value

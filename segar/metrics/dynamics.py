@@ -72,7 +72,7 @@ def readings_of(what: str, states: Levels, scale: Spread | None, factors: Sequen
         here = states.types == layout.types.index(kind)
         for factor in counted[kind]:
             unit = units.get((kind, factor), 0.0) or 1.0
-            at = slice(layout.columns[factor], layout.columns[factor] + factor.width)
+            at = layout.columns_of(factor)
             scales[here, at] = 1 / unit
             part[here, at] = names.index(f"{kind.__name__}.{factor.__name__}")
             if factor.period is not None:

@@ -5,7 +5,7 @@ sets as it has environments.
 """
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -78,7 +78,7 @@ class RuleSpace:
         self.always = tuple(map(as_rule, _listed(always)))
         self.exclusive = tuple(tuple(map(self.index, _group(group))) for group in _listed(exclusive))
         self.count, self.splits = _count(active, len(self.options)), ()
-        self.combinations = make_combinations(self.names, [o.weight for o in self.options], self.count, self._never)
+        self.combinations = make_combinations(self.names, [o.weight for o in self.options], self.count, self.excludes)
         self.laws: dict[type[Parameter], Noise] = {}
         for option in self.options:
             for parameter, law in option.constants.items():
@@ -311,7 +311,8 @@ class RuleSpace:
                             " hold; leave it out of one of them" + (", or exclude one by exclusive=" if other else "")
                         )
 
-    def _never(self, places: tuple[int, ...]) -> bool:
+    def excludes(self, places: Collection[int]) -> bool:
+        """Whether options at these places never hold together."""
         return any(len(set(group) & set(places)) > 1 for group in self.exclusive)
 
     def __repr__(self) -> str:

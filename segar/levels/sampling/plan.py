@@ -155,7 +155,7 @@ def _template(layout: Layout, entity: type[Entity], priors: Sequence[Prior]) -> 
             value = setting.value
         elif setting is None and factor is Size and isinstance(shape := _shape(entity, priors), BaseShape):
             value = shape.size
-        row[layout.columns[factor] : layout.columns[factor] + factor.width] = value
+        row[layout.columns_of(factor)] = value
     return row
 
 
