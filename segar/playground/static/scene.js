@@ -64,10 +64,7 @@ export class Scene {
 
   /** The topmost thing at a place [m]; undefined where there is none. */
   thingAt(values, level, [x, y]) {
-    return this.things(values, level).reverse().find((one) => {
-      if (!one.corners) return Math.hypot(one.x - x, one.y - y) <= Math.max(one.radius, TOUCHED * this.about.walls);
-      return inside(one.corners, x - one.x, y - one.y);
-    });
+    return this.things(values, level).reverse().find((one) => covers(one, x, y, TOUCHED * this.about.walls));
   }
 
   /** Draw a state of a level; aim, marked and ghost are optional. */
@@ -130,8 +127,7 @@ export class Scene {
   under(values, level) {
     const things = this.things(values, level);
     const body = things.find((one) => one.agent);
-    const tile = body && things.reverse().find((one) => one.type.tile && !one.type.goal
-      && (one.corners ? inside(one.corners, body.x - one.x, body.y - one.y) : Math.hypot(body.x - one.x, body.y - one.y) <= one.radius));
+    const tile = body && things.reverse().find((one) => one.type.tile && !one.type.goal && covers(one, body.x, body.y));
     return tile ? this.nameOf(tile) : null;
   }
 
@@ -164,6 +160,12 @@ function outline(context, { x, y, radius, corners }, share = 1) {
     for (let k = 0; k < corners.length; k += 2) context.lineTo(x + share * corners[k], y + share * corners[k + 1]);
   }
   context.closePath();
+}
+
+/** Whether a thing covers a place [m]; a disc counts as at least so large. */
+function covers(thing, x, y, least = 0) {
+  if (!thing.corners) return Math.hypot(thing.x - x, thing.y - y) <= Math.max(thing.radius, least);
+  return inside(thing.corners, x - thing.x, y - thing.y);
 }
 
 function inside(corners, x, y) {
