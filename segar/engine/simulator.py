@@ -13,7 +13,7 @@ from segar.engine.not_finite import reward_not_finite, state_not_finite
 from segar.engine.runtime.gather import Reads, no_reads
 from segar.errors import ConflictError, RuleError, SegarError
 from segar.language import Layout, Task, WorldRules, default_task
-from segar.levels import Levels, check_crossings, check_levels
+from segar.levels import Levels, check_crossings, check_levels, hull_radii
 from segar.support import Team
 
 PART = 32  # environments that a thread takes at a time
@@ -133,7 +133,7 @@ class Simulator:
                 raise SegarError("these levels belong to another distribution than the simulator was built for")
             check_levels(levels)
             check_crossings(levels, self.world, self.task.sub_steps)
-            vertices, radii = levels.vertices, np.sqrt((levels.vertices**2).sum(-1)).max(-1, initial=0.0)
+            vertices, radii = levels.vertices, hull_radii(levels)
             if vertices.shape[2] == 0:
                 vertices = np.zeros((*vertices.shape[:2], 1, 2))
             arrays = LevelArrays(

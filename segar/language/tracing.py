@@ -182,15 +182,12 @@ def _run(
             returned = function(*arguments)
         if not refused:
             return decided, finish(returned)
-    except RuleError as error:
-        raise RuleError(
-            f"{where}{_author_line(function, traceback.extract_tb(error.__traceback__))}: {error}"
-        ) from error
     except Exception as error:  # whatever the author's code raises is told with its line
-        message = NO_NUMPY if "__array_ufunc__" in str(error) else f"{type(error).__name__}: {error}"
-        raise RuleError(
-            f"{where}{_author_line(function, traceback.extract_tb(error.__traceback__))}: {message}"
-        ) from error
+        message = str(error)
+        if not isinstance(error, RuleError):
+            message = NO_NUMPY if "__array_ufunc__" in message else f"{type(error).__name__}: {message}"
+        calls = traceback.extract_tb(error.__traceback__)
+        raise RuleError(f"{where}{_author_line(function, calls)}: {message}") from error
     error, calls = refused[0]  # which some code caught
     raise RuleError(f"{where}{_author_line(function, calls)}: {error}")
 

@@ -1,7 +1,7 @@
 from . import checks as checks, moments as moments
 from .apart import near_levels as near_levels
 from .conditional import Dependent
-from .crossings import check_crossings as check_crossings
+from .crossings import check_crossings as check_crossings, hull_radii as hull_radii
 from .description import description_of as description_of
 from .distribution import LevelDistribution
 from .distribution_text import read_distribution as read_distribution, written as written

@@ -30,14 +30,14 @@ def check_crossings(levels: LevelData, world: language.WorldRules, sub_steps: in
     speed, rate = (levels.parameters[:, layout.parameters.index(p)] for p in (language.MaxVelocity, language.Framerate))
     extent, width = _extents(levels)
     placed, moving = per_type(levels, language.Position), per_type(levels, language.Velocity)
-    effects = [
-        effect for rule in world.rules for effect in language.effects_of(rule.tree) if effect.factor is language.Mobile
-    ]
+    solid = per_type(levels, language.Collides) & moving & (world.pair_contact is not None)
     if language.Mobile in layout.columns and all(
-        effect.components[0] is language.make("const", 0.0) for effect in effects
+        effect.components[0] is language.make("const", 0.0)
+        for rule in world.rules
+        for effect in language.effects_of(rule.tree)
+        if effect.factor is language.Mobile
     ):
         moving &= levels.values[:, :, layout.columns[language.Mobile]] != 0.0
-    solid = per_type(levels, language.Collides) & per_type(levels, language.Velocity) & (world.pair_contact is not None)
     tile = per_type(levels, language.Floor)
     for i, j in combinations(range(len(layout.slots)), 2):
         on_tile = placed[:, i] & placed[:, j] & (tile[:, i] != tile[:, j])
@@ -59,11 +59,16 @@ def check_crossings(levels: LevelData, world: language.WorldRules, sub_steps: in
             )
 
 
+def hull_radii(levels: LevelData) -> np.ndarray:
+    """Radius of the disc around each hull, which contacts take, 0 of others, float64 ``(n, entities)`` [m]."""
+    return np.sqrt((levels.vertices**2).sum(-1)).max(-1, initial=0.0)
+
+
 def _extents(levels: LevelData) -> tuple[np.ndarray, np.ndarray]:
     """The diameter of each thing's disc in contacts, and the narrowest width of each hull, inf of others [m]."""
     is_hull, count = levels.shape_kind == language.HULL, levels.vertex_count
     size = levels.values[:, :, levels.layout.columns[language.Size]]
-    extent = np.where(is_hull, 2 * np.sqrt((levels.vertices**2).sum(-1)).max(-1, initial=0.0), size)
+    extent = np.where(is_hull, 2 * hull_radii(levels), size)
     width = np.full(extent.shape, np.inf)
     width[is_hull] = _widths(levels.vertices[is_hull], count[is_hull])
     return extent, width

@@ -79,6 +79,7 @@ class Prior:
         if self.relation is not None:
             object.__setattr__(self, "relation", as_relation(self.relation))
             factors_read(self)  # raises where the relation needs more than one entity's factors
+            require_short(self.relation.truth, f"Prior({self.factor.__name__}, ...): {self.relation.name}")
         if issubclass(self.factor, Parameter) and (self.entity_type is not None or self.relation is not None):
             raise PriorError(f"{self}: {self.factor.__name__} belongs to the world, so it takes no condition")
 
@@ -170,7 +171,6 @@ def factors_read(prior: Prior) -> frozenset[type[Factor]]:
         return frozenset()
     if len(prior.relation.signature.entities) != 1:
         raise PriorError(f"{prior}: the relation must be about one entity")
-    require_short(prior.relation.truth, f"Prior({prior.factor.__name__}, ...): {prior.relation.name}")
     symbols = walk(prior.relation.truth)
     for symbol in symbols:
         geometric = symbol.op == "relation" and isinstance(symbol.args[0], str)

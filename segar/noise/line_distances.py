@@ -105,11 +105,11 @@ def w2_on_circle(a: Noise, b: Noise, period: float) -> Estimate:
         apart = x[:, None] - y
         return Estimate(math.sqrt(emd((apart - period * np.rint(apart / period)) ** 2, p, q)))
     a, b = (_within_a_turn(one, period) for one in (a, b))
-    near, _ = _least(_tabulated(a, b, period), -1.5, 1.5, GOLDEN_STEPS)
+    near = _least(_tabulated(a, b, period), -1.5, 1.5, GOLDEN_STEPS)
     reach, shift = 2 / TABLE, math.inf
     while abs(shift - near) > 0.9 * reach:  # the minimum lies outside of what was searched
         reach *= 4
-        shift, _ = _least(lambda cut: _square(a, b, period, cut, SEARCH_NODES), near - reach, near + reach, FINE_STEPS)
+        shift = _least(lambda cut: _square(a, b, period, cut, SEARCH_NODES), near - reach, near + reach, FINE_STEPS)
     # For distributions that are alike the best shift is exactly 0: beside it, a tiny weight goes round the whole circle.
     shift = min((shift, float(round(shift))), key=lambda cut: _square(a, b, period, cut, SEARCH_NODES))
     fine, coarse = (math.sqrt(_square(a, b, period, shift, nodes)) for nodes in (NODES, NODES // 2))
@@ -122,8 +122,8 @@ def _within_a_turn(distribution: Noise, period: float) -> Noise:
     return distribution if high - low <= period * (1 + 1e-12) else Wrapped(distribution, period)
 
 
-def _least(f: Callable[[float], float], low: float, high: float, steps: int) -> tuple[float, float]:
-    """Where a convex function is least, and its value there, by golden sections."""
+def _least(f: Callable[[float], float], low: float, high: float, steps: int) -> float:
+    """Where a convex function is least, by golden sections."""
     ratio = (math.sqrt(5) - 1) / 2
     left, right = high - ratio * (high - low), low + ratio * (high - low)
     at_left, at_right = f(left), f(right)
@@ -136,7 +136,7 @@ def _least(f: Callable[[float], float], low: float, high: float, steps: int) -> 
             low, left, at_left = left, right, at_right
             right = low + ratio * (high - low)
             at_right = f(right)
-    return (left, at_left) if at_left < at_right else (right, at_right)
+    return left if at_left < at_right else right
 
 
 def _tabulated(a: Noise, b: Noise, period: float) -> Callable[[float], float]:

@@ -46,11 +46,11 @@ def load_module(text: str) -> ModuleType:
     own = private_cache_folder()
     if not (is_trusted(path.parent) and _holds(path, text)):
         path = own / path.name
-    # Numba's index is keyed by the file's content, so only what was damaged or edited is written again.
-    if not _holds(path, text):
-        say_where_kept(own)
-        with replacing(path, "the kernel", advice=ADVICE) as beside:
-            beside.write_text(text, encoding="utf-8")
+        # Numba's index is keyed by the file's content, so only what was damaged or edited is written again.
+        if not _holds(path, text):
+            say_where_kept(own)
+            with replacing(path, "the kernel", advice=ADVICE) as beside:
+                beside.write_text(text, encoding="utf-8")
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
