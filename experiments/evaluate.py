@@ -11,12 +11,11 @@ from experiments.commands.command_line import run_from_command_line
 from experiments.commands.kernels import choose_kernels
 from experiments.runs.run_folder import read_config
 from experiments.settings import EvaluateConfig
-from segar.support import EVERYTHING
 
 
 def evaluate(config: EvaluateConfig) -> None:
     """The command. Torch is imported here, after the settings were found right."""
-    trained = read_config(Path(config.run).expanduser(), {EVERYTHING} if config.trust else ())
+    trained = read_config(Path(config.run).expanduser(), config.trusted)
     choose_kernels(trained.determinism)
     from experiments.evaluation import evaluator as evaluation
 

@@ -25,7 +25,7 @@ import pyarrow.parquet as pq
 from experiments.runs.files import locked, read_json, read_table, replacing, write_text
 from experiments.runs.trust import settings_of_file
 from experiments.settings import RunFolderError
-from segar.support import first_line, opened, shown
+from segar.support import first_line, sha256_of, shown
 
 FORMAT = 1
 ROW, TABLE, MEANS, PIECE = "row.json", "episodes.parquet", "levels.parquet", "piece.json"
@@ -334,8 +334,7 @@ def hash_of(data: Any) -> str:
 
 def file_hash(path: Path) -> str:
     """Sixteen digits of a file's content."""
-    with opened(path, "file", RunFolderError) as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()[:DIGITS]
+    return sha256_of(path, "file", RunFolderError)[:DIGITS]
 
 
 def write_piece(folder: Path, piece: Piece, episodes: pa.Table) -> None:

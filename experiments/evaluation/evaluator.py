@@ -28,7 +28,6 @@ from experiments.levels.builders import (
 )
 from experiments.levels.suite_levels import levels_of_suite
 from experiments.runs.executed_code import changed_parts, code_after, differing_parts, executed_code, played_code
-from experiments.runs.files import read_json
 from experiments.runs.own_modules import names_in, where_searched
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -39,6 +38,7 @@ from experiments.runs.run_folder import (
     SUMMARY,
     computed_as_begun,
     read_config,
+    read_evaluation,
     write_json,
     write_rows,
 )
@@ -61,7 +61,7 @@ from segar.levels import Levels, hash_of_levels
 from segar.policies import NETWORK_FILE, Network
 from segar.rendering import View, check_video, write_video
 from segar.suites import twins, write_causes
-from segar.support import EVERYTHING, counted, named_object
+from segar.support import counted, named_object
 
 COUNT = 100  # levels of a distribution, where the number is not given
 VIEW = View(size=384)  # of videos
@@ -88,7 +88,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
     if config.videos != "none":
         check_video(Path(f"best.{config.videos}"))
     folder = Path(config.run).expanduser().resolve()
-    found = read_config(folder, {EVERYTHING} if config.trust else ())
+    found = read_config(folder, config.trusted)
     trained = dataclasses.replace(found, num_threads=config.num_threads)
     import_named(trained)
     changed = [part for part in changed_parts(folder, executed_code(Prepared(trained))) if part != "learner"]
@@ -165,8 +165,7 @@ def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:
 
 def code_replaced(out: Path, code: Mapping[str, str]) -> list[str]:
     """Names of the parts of ``code`` that were others when the evaluation in this folder was made; none where none was."""
-    path = out / SUMMARY
-    before = read_json(path).get("code") if path.exists() else None
+    before = (read_evaluation(out) or {}).get("code")
     return [] if before is None else differing_parts(before, code)
 
 

@@ -103,7 +103,7 @@ class Changed:
         counts = [counted(len(found), kind) for kind, found in kinds.items() if found]
         names = sorted({part for found in kinds.values() for parts in found.values() for part in parts})
         places = [*self.finished, *self.unfinished, *("/".join((run, EVALUATIONS, one)) for run, one in self.tested)]
-        made = "was made" if counts[0].startswith("1 ") and len(counts) == 1 else "were made"
+        made = "was made" if len(places) == 1 else "were made"
         return (
             f"{' and '.join(counts)} {made} by other code than this; changed since: {', '.join(names)}. The first of them"
             f" is {places[0]}"
@@ -312,9 +312,10 @@ def measure_speeds(root: Path) -> Speeds:
     probing: dict[tuple[str, str, str], list[float]] = {}
     preparation: dict[tuple[str, str], list[float]] = {}
     for folder in run_folders(root):
+        if not is_finished(folder):
+            continue
         journal = read_journal(folder)
-        hosts = {entry.get("host") for entry in journal if "host" in entry}
-        if not is_finished(folder) or hosts != {socket.gethostname()}:
+        if {entry.get("host") for entry in journal if "host" in entry} != {socket.gethostname()}:
             continue
         summary, kind = read_summary(folder), kind_of(read_config(folder))
         if summary.get("seconds"):

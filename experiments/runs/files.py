@@ -1,7 +1,7 @@
 """Files of a run are replaced as a whole or stay as they were: see :mod:`segar.support.files`. They are read as data, whoever
 made them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
@@ -75,14 +75,14 @@ def read_json(path: Path, form: Any = dict, only: bool = False) -> Any:
     return data
 
 
-def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """The table in a Parquet file, or some of its columns.
+def read_table(path: Path) -> pa.Table:
+    """The table in a Parquet file.
 
     Raises:
-        RunFolderError: there is no such file, it is no table, lacks a column, or would take more memory than the limit.
+        RunFolderError: there is no such file, it is no table, or would take more memory than the limit.
     """
     with opened_table(path) as file:
-        return pq.read_table(file, columns=columns and [*columns])
+        return pq.read_table(file)
 
 
 @contextmanager

@@ -54,8 +54,11 @@ def own_files(module: str, texts: Collection[str] = ()) -> dict[str, str]:
     """
     reached = _files_of(module, texts)
     found = {name: file_digest(path) for name, (path, _) in sorted(reached.items())}
-    changed = [name for name in found if _at_first(*reached[name], found[name]) != found[name]]
-    seen = [path for source in {source for _, source in reached.values()} for path in _seen_by(source)]
+    seen_by = {source: _seen_by(source) for source in {source for _, source in reached.values()}}
+    changed = [
+        name for name, now in found.items() if _at_first(reached[name][0], seen_by[reached[name][1]], now) != now
+    ]
+    seen = [path for of_one in seen_by.values() for path in of_one]
     if changed := [*changed, *(str(path) for path in seen if not path.exists())]:
         raise ConfigError(
             f"{changed[0]} has changed since this process imported {module}, so a run would not be one of the code that lies"
@@ -81,10 +84,10 @@ def digest_executed(name: str) -> str:
     return file_digest(path) if imported is None else _of_source(imported[1])
 
 
-def _at_first(path: Path, source: Path, now: str) -> str:
-    """The fingerprint of a file at its import, or else when it was first found after that of the ``source`` that names it."""
+def _at_first(path: Path, seen: dict[Path, str], now: str) -> str:
+    """The fingerprint of a file at its import, or else in ``seen``, to which it is added where it is not there."""
     imported = imported_from(path)
-    return _seen_by(source).setdefault(path, now) if imported is None else _of_source(imported[1])
+    return seen.setdefault(path, now) if imported is None else _of_source(imported[1])
 
 
 def _seen_by(source: Path) -> dict[Path, str]:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from experiments.settings.checks import Count, Seed, Settings, one_of, that
 from experiments.settings.run import ACTION_MODES, ActionMode
+from segar.support import EVERYTHING
 
 Modes = Annotated[tuple[ActionMode, ...], that(bool, f"one or more of {', '.join(ACTION_MODES)}")]
 Samples = Annotated[int, that(lambda x: x >= 8, "at least 8")]
@@ -33,3 +34,8 @@ class EvaluateConfig(Settings):
     num_threads: Count = 1
     portable: bool = False  # play by compiled functions, with the same bits on every processor, instead of by torch
     trust: bool = False  # import the modules that a run folder of somebody else's names
+
+    @property
+    def trusted(self) -> tuple[str, ...]:
+        """The packages whose code a run folder may bring in."""
+        return (EVERYTHING,) if self.trust else ()

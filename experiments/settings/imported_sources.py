@@ -8,6 +8,7 @@ Installed packages do not count.
 import os
 import sys
 import sysconfig
+from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
@@ -15,13 +16,14 @@ from typing import Any
 
 INSTALLED = tuple({sysconfig.get_path(kind) for kind in ("stdlib", "platstdlib", "purelib", "platlib")})
 SOURCE = "_source_at_import"  # the attribute of a module's spec
+_real = cache(os.path.realpath)  # of the files of modules, which are asked for again and again
 
 
 def imported_from(path: Path) -> tuple[ModuleType, bytes] | None:
     """The module that this process imported from a file, and what was in the file then; None where it imported none."""
     for module in list(sys.modules.values()):
         file = getattr(module, "__file__", None)
-        if isinstance(file, str) and file.endswith(path.name) and os.path.realpath(file) == str(path):
+        if isinstance(file, str) and file.endswith(path.name) and _real(file) == str(path):
             return module, _kept(module.__spec__ or module, file)
     return None
 

@@ -5,7 +5,6 @@ level file's name gets its content's fingerprint behind it, ``folder/levels.npz#
 where things lie, and an edited level file is another one.
 """
 
-import hashlib
 import importlib
 import re
 import sys
@@ -15,7 +14,7 @@ from typing import Any, TypeVar
 
 from experiments.settings.errors import ConfigError
 from segar.errors import SegarError
-from segar.support import module_in_file, named_object, object_name, opened, resolve
+from segar.support import module_in_file, named_object, object_name, resolve, sha256_of
 
 LEVEL_FILE = re.compile(r"(.+\.(?:npz|json))(?:#([0-9a-f]{8}))?")
 
@@ -81,8 +80,7 @@ def without_folder(name: str) -> str:
 def file_fingerprint(path: Path, place: str) -> str:
     """Eight hexadecimal digits of a file's content; raises :class:`ConfigError` if it cannot be read."""
     try:
-        with opened(path, "level file", ConfigError) as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()[:8]
+        return sha256_of(path, "level file", ConfigError)[:8]
     except ConfigError as error:
         raise ConfigError(f"{place}: {error}") from error
 

@@ -68,7 +68,7 @@ from .npz import (
     open_npz as open_npz,
 )
 from .optimal_transport import emd as emd, plan_of as plan_of, pot as pot
-from .reading import check_size as check_size, content_of as content_of, opened as opened
+from .reading import check_size as check_size, content_of as content_of, opened as opened, sha256_of as sha256_of
 from .text_table import aligned as aligned, counted as counted
 from .threads import Team as Team
 from .version import __version__ as __version__

@@ -1,5 +1,6 @@
 """Opening files that somebody else may have made: regular files alone, and no more of one than memory should hold."""
 
+import hashlib
 import os
 import stat
 from collections.abc import Iterator
@@ -62,6 +63,12 @@ def content_of(path: Path, kind: str, error: type[SegarError], limit: int = LIMI
     if max(size, len(content)) > most:
         raise error(f"{path}: this {kind} has more than {most:,} bytes. {advice(max(size, most + 1))}")
     return content
+
+
+def sha256_of(path: Path, kind: str, error: type[SegarError]) -> str:
+    """The SHA-256 of a file, in hexadecimal digits; raises ``error`` as :func:`opened`."""
+    with opened(path, kind, error) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def check_size(path: Path, size: int, file: str, error: type[SegarError], limit: int = LIMIT) -> None:
