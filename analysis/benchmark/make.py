@@ -1,6 +1,6 @@
 """Makes tables, figures and the leaderboard page of a folder of rows."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -63,19 +63,19 @@ def report_rows(
         names = [name for one in here if one not in REFERENCES for name in rows[one].suites()]
     suites = suites_compared(table, names or list(table["suite"]))
     board = leaderboard(table, suites)
+    marks = {name: f"{name} {MARK}" for name in unverified(rows)}
     if row in rows:
         print(suite_table(table.loc[table["row"] == row]))
-        print(with_marks(overall_table(rows, table, board, suites[OVERALL]), rows))
+        print(with_marks(overall_table(rows, table, board, suites[OVERALL]), marks))
     improved, shares = improvements(table, suites[OVERALL]), profiles(table, suites[OVERALL])
     tables = {SCORES: table, BOARD: board, IMPROVEMENT: improved, PROFILES: shares, CAUSES: causes}
-    marks = {name: f"{name} {MARK}" for name in unverified(rows)}
     for name, one in tables.items():
         write_csv(folder / name, one.replace(dict.fromkeys({"row", "over"} & {*one}, marks)) if marks else one, DIGITS)
     shown = shown_rows(board)
     if shown:
         save_figure(profile_figure(board, shown, list(suites)), folder / PROFILE, (".png",))
         save_figure(performance_figure(shares, shown), folder / PERFORMANCE, (".png",))
-    write_text(folder / PAGE, with_marks(page_text(rows, table, board, improved, causes, suites), rows))
+    write_text(folder / PAGE, with_marks(page_text(rows, table, board, improved, causes, suites), marks))
     print(f"{counted(len(here), 'row')} here, {counted(len(rows) - len(here), 'other')}: {folder / PAGE}", flush=True)
     settings = construct(TrackingConfig, tracking or {"name": "none"}, "tracking")
     if row in rows and settings.name != "none":
@@ -88,8 +88,8 @@ def unverified(rows: Mapping[str, Row]) -> list[str]:
     return [name for name, row in rows.items() if not is_verified(row)]
 
 
-def with_marks(text: str, rows: Mapping[str, Row]) -> str:
-    """A text in which each row that nobody has verified says so."""
-    for name in unverified(rows):
+def with_marks(text: str, names: Iterable[str]) -> str:
+    """A text in which each of these rows says that nobody has verified it."""
+    for name in names:
         text = text.replace(f"`{name}`", f"`{name}` {MARK}")
     return text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
@@ -48,7 +47,7 @@ class Estimate:
         of others."""
         if high - low > ROUNDING * max(abs(low), abs(high)):
             return cls(value, low, high, n, p)
-        return dataclasses.replace(cls.missing(n, ALIKE), estimate=value)
+        return cls(value, float("nan"), float("nan"), n, note=ALIKE)
 
     def row(self, **more: Any) -> dict[str, Any]:
         """The estimate as a row of a table, after the columns ``more``."""

@@ -107,10 +107,13 @@ def interval_rows(
     for name, values in scores.items():
         drawn = resampled(values, rng, resamples)
         for label, function in functions.items():
-            low, high = np.quantile(function(drawn), (0.025, 0.975))
-            one = interval(float(function(values)), float(low), float(high), values.size)
-            if few := too_few(run, values):
-                one = dataclasses.replace(Estimate.missing(values.size, few), estimate=one.estimate)
+            value, few = float(function(values)), too_few(run, values)
+            low, high = (float(end) for end in np.quantile(function(drawn), (0.025, 0.975)))
+            one = (
+                Estimate(value, np.nan, np.nan, values.size, note=few)
+                if few
+                else interval(value, low, high, values.size)
+            )
             rows.append(one.row(**dict(zip(columns, (name, label), strict=True))))
     return pd.DataFrame(rows)
 
@@ -146,13 +149,14 @@ def probability_of_improvement(
         raise SegarError(f"{better} and {worse} did different tasks: {alone}")
     a, b = found[better], found[worse]
     drawn = wins(resampled(a, rng, resamples), resampled(b, rng, resamples))
+    value, n = float(wins(a, b)), a.size + b.size
+    if few := too_few(run, a, b):
+        return Estimate(value, np.nan, np.nan, n, note=few)
     low, high = np.quantile(drawn, (0.025, 0.975))
     side = min((drawn <= 0.5).mean(), (drawn >= 0.5).mean())
     deals = float(comb(len(a) + len(b), len(a))) ** a.shape[1]
     p = float(min(1.0, max(2 * side, 1 / resamples, 2 / deals)))
-    found = Estimate.between(float(wins(a, b)), float(low), float(high), a.size + b.size)
-    few = too_few(run, a, b)
-    return dataclasses.replace(found, low=np.nan, high=np.nan, note=few) if few else dataclasses.replace(found, p=p)
+    return dataclasses.replace(Estimate.between(value, float(low), float(high), n), p=p)
 
 
 def too_few(run: str, *scores: Scores) -> str:
