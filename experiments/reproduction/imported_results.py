@@ -62,6 +62,8 @@ def columns(path: Path, *names: str) -> list[list[str]]:
         return [[] for _ in names]
     try:
         table = read_table(path)
+        return [table[name].to_pylist() if table.num_columns else [] for name in names]
     except RunFolderError as error:
         raise ConfigError(f"imported: {error}") from error
-    return [table[name].to_pylist() if table.num_columns else [] for name in names]
+    except KeyError as error:
+        raise ConfigError(f"imported: {path} lacks a column: {error.args[0]}") from error

@@ -322,10 +322,10 @@ def measure_speeds(root: Path) -> Speeds:
             frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
         if "evaluation_seconds" in summary:
             evaluation.setdefault(kind, []).append(summary["evaluation_seconds"])
-        if [entry["event"] for entry in journal] == ["started", "finished"]:
-            begun, ended = (datetime.fromisoformat(entry["time"]) for entry in journal)
-            took = (ended - begun).total_seconds() - summary["seconds"] - summary["evaluation_seconds"]
-            preparation.setdefault(kind, []).append(max(took, 0.0))
+            if [entry["event"] for entry in journal] == ["started", "finished"]:
+                begun, ended = (datetime.fromisoformat(entry["time"]) for entry in journal)
+                took = (ended - begun).total_seconds() - summary["seconds"] - summary["evaluation_seconds"]
+                preparation.setdefault(kind, []).append(max(took, 0.0))
         about = read_about(folder)
         if about is not None:
             probing.setdefault((*kind, digest(about["asked"])), []).append(about["seconds"])
