@@ -136,16 +136,14 @@ def crafted_arrays(array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
 
 def crafted_descriptions(description: Any) -> Iterator[tuple[str, Any]]:
     """JSON data like the given in which one part is absent or something else."""
-    for place in _places(description):
+    for place in places(description):
         named = ".".join(map(str, place))
-        if isinstance(_at(description, place[:-1]), dict):
+        if isinstance(at(description, place[:-1]), dict):
             changed = copy.deepcopy(description)
-            del _at(changed, place[:-1])[place[-1]]
+            del at(changed, place[:-1])[place[-1]]
             yield f"{named} absent", changed
         for leaf in LEAVES:
-            changed = copy.deepcopy(description)
-            _at(changed, place[:-1])[place[-1]] = leaf
-            yield f"{named} {leaf!r}", changed
+            yield f"{named} {leaf!r}", replaced(description, place, leaf)
 
 
 def crafted_metadata(path: Path) -> Crafted:
@@ -184,17 +182,26 @@ def flipped(path: Path, count: int, seed: int = 0) -> Crafted:
         yield f"byte {place}", bytes(content)
 
 
-def _places(data: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def places(data: Any, start: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The places of all parts of plain data, of lists those in the first entry."""
     parts = data.items() if isinstance(data, dict) else enumerate(data[:1]) if isinstance(data, list) else ()
     for key, part in parts:
-        yield (*at, key)
-        yield from _places(part, (*at, key))
+        yield (*start, key)
+        yield from places(part, (*start, key))
 
 
-def _at(data: Any, place: tuple[Any, ...]) -> Any:
+def at(data: Any, place: tuple[Any, ...]) -> Any:
+    """The part at a place."""
     for key in place:
         data = data[key]
     return data
+
+
+def replaced(data: Any, place: tuple[Any, ...], value: Any) -> Any:
+    """The data with another value at a place."""
+    changed = copy.deepcopy(data)
+    at(changed, place[:-1])[place[-1]] = value
+    return changed
 
 
 def _with_flags(archive: bytes, flags: int = 0, method: int | None = None) -> bytes:

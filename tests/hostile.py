@@ -1,6 +1,5 @@
 """Files in which every name was replaced on purpose, and a watch on what a process does while it reads them."""
 
-import copy
 import os
 import sys
 import warnings
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from segar.errors import SegarError
+from tests.crafted import at, places, replaced
 
 SECRET = "known-to-the-environment-alone"
 MODULE, FILE = "hostile_module", "hostile_file"
@@ -67,28 +67,6 @@ def hostile_folder(folder: Path) -> Iterator[Path]:
         sys.path[:] = before
 
 
-def strings(data: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """The places of all texts in plain data, of lists those in the first entry."""
-    if isinstance(data, str):
-        yield place
-    elif isinstance(data, dict):
-        for key, part in data.items():
-            yield from strings(part, (*place, key))
-    elif isinstance(data, list):
-        for k, part in enumerate(data[:1]):
-            yield from strings(part, (*place, k))
-
-
-def replaced(data: Any, place: tuple[Any, ...], value: Any) -> Any:
-    """The data with another value at a place."""
-    changed = copy.deepcopy(data)
-    at = changed
-    for key in place[:-1]:
-        at = at[key]
-    at[place[-1]] = value
-    return changed
-
-
 def assert_nothing_runs(
     data: Any,
     write: Callable[[Any], Path],
@@ -107,7 +85,7 @@ def assert_nothing_runs(
     wrong, count = [], 0
     with hostile_folder(folder) as mark:
         modules, path_before = set(sys.modules), list(sys.path)
-        for place in strings(data):
+        for place in (one for one in places(data) if isinstance(at(data, one), str)):
             for what, value in names(folder).items():
                 told = f"{'.'.join(map(str, place))}: {what}"
                 count += 1
@@ -132,9 +110,7 @@ def _outcome(
     data: Any, place: tuple[Any, ...], value: str, write: Callable[[Any], Path], read: Callable[[], Any]
 ) -> str:
     """What is wrong with how reading ended."""
-    file, known = write(replaced(data, place, value)), data
-    for key in place:
-        known = known[key]
+    file, known = write(replaced(data, place, value)), at(data, place)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -157,7 +133,7 @@ def _outcome(
 def watching() -> Iterator[list[str]]:
     """What happens in the block that no reader may do: processes, connections, and imports of hostile modules."""
     global _is_watching
-    if not _seen and not getattr(sys, "_segar_watch", False):
+    if not getattr(sys, "_segar_watch", False):
         sys.addaudithook(_watch)
         sys._segar_watch = True  # type: ignore[attr-defined]
     _seen.clear()

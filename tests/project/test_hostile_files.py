@@ -40,7 +40,7 @@ from segar.suites import read_suite
 from segar.suites.suite_file import HASHED, suite_hash
 from segar.tasks import task_of
 from segar.textures import TextureSet
-from tests.hostile import SECRET, assert_nothing_runs
+from tests.hostile import MODULE, SECRET, assert_nothing_runs, watching
 from tests.segar.datasets.test_human_play import played
 from tests.segar.lab.conftest import DISTRIBUTION, WORLD
 from tests.segar.policies.networks import NETWORKS
@@ -51,6 +51,14 @@ LEVELS = segar.family("objectsx1-easy").sample(2, seed=0)
 
 class Played(Exception):
     """Episodes would be played now."""
+
+
+def test_the_watch_sees_programs_and_imports():
+    with watching() as seen:
+        os.system("true")
+        with suppress(ImportError):
+            __import__(MODULE)
+    assert {one.split()[0] for one in seen} >= {"os.system", "import"}
 
 
 @pytest.fixture(autouse=True)

@@ -68,15 +68,8 @@ def test_submitit_runs_a_sweep_and_puts_a_run_back_into_its_queue_when_time_is_u
         assert stopped["error"].startswith("SystemExit") and stopped["frames"] > 0
         log = "".join(path.read_text() for path in (tmp_path / "runs" / "multirun").rglob("*_log.err"))
         assert "this job is preempted" in log
-        again = until(
-            lambda: "".join(p.read_text() for p in (tmp_path / "runs" / "multirun").rglob("*_log.out")) or None
-        )
-        until(
-            lambda: (
-                "goes on from" in "".join(p.read_text() for p in (tmp_path / "runs" / "multirun").rglob("*_log.out"))
-            )
-        )
-        assert again
+        logs = tmp_path / "runs" / "multirun"
+        until(lambda: any("goes on from" in path.read_text() for path in logs.rglob("*_log.out")))
     finally:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()

@@ -134,6 +134,7 @@ WAYS = {
     "sync": make_batch_by_id("sync"),
     "native": make_batch_by_id("vector_entry_point"),
     "class": make_batch_by_class,
+    "async": make_batch_by_id("async"),
 }
 
 
@@ -177,7 +178,7 @@ def test_a_wrapper_of_single_environments_plays_episodes(name, make):
 @pytest.mark.parametrize("name", each(VECTOR, NEED_MORE | {"HumanRendering"}))
 def test_a_wrapper_of_batches_plays_episodes(name, way):
     made, options = options_of(name, VECTOR)
-    env = (WAYS[way] if way in WAYS else make_batch_by_id(way))(**made)
+    env = WAYS[way](**made)
     env = getattr(vector, name)(env, **options)
     env.action_space.seed(0)
     seen, _ = env.reset(seed=0)

@@ -10,7 +10,7 @@ from segar.errors import SegarError
 from segar.lab import Session
 from segar.lab.laws import law_in
 from segar.lab.questions import SORTS, draw_actions, make_questions, steady_players
-from tests.segar.lab.conftest import SPACE
+from tests.segar.lab.conftest import SPACE, replayed
 
 NUMBER = 8  # of questions of each kind
 
@@ -27,27 +27,6 @@ def questions(asking):
 
 def of(questions, *kinds):
     return [question for question in questions if question.ask["kind"] in kinds]
-
-
-def replayed(lab, ask, actions, set=None, parameters=None):
-    """The states that an environment goes through, float64 ``(steps, entities, columns)``, and whether there was success."""
-    level, own = lab.levels[ask["level"]], lab.hidden.parameters.copy()
-    for name, value in (parameters or {}).items():
-        own[0, [p.__name__ for p in level.layout.parameters].index(name)] = value
-    level = level.with_parameters(own)
-    env = segar.envs.VectorEnv(level, 1, task=lab.task, seed=7, autoreset_mode="Disabled")
-    env.reset(options={"levels": [0]})
-    for entity, factors in (set or {}).items():
-        for name, value in factors.items():
-            env.intervene(entity, level.layout.factor(name), np.array(value))
-    states, success = [env.state().state.values[0]], False
-    for action in np.asarray(actions, np.float32):
-        _, _, terminated, _, info = env.step(action[None])
-        states.append(env.state().state.values[0])
-        success |= bool(info["success"][0])
-        if terminated[0]:
-            break
-    return np.array(states), success
 
 
 def asked(lab, ask, state):

@@ -13,7 +13,7 @@ from segar import cli
 from segar.errors import SegarError
 from segar.lab import Lab, Session
 from segar.lab.laws import law_in
-from tests.segar.lab.conftest import DISTRIBUTION, SPACE, WORLD
+from tests.segar.lab.conftest import DISTRIBUTION, SPACE, WORLD, replayed
 
 START = {"golfball": {"Position": [0.1, -0.3], "Velocity": [0.5, 0.25], "Mass": 1.5, "Charge": -1.0}}
 ACTIONS = [[0.5, 0.0], [0.0, -0.25], [0.0, 0.0]]
@@ -21,16 +21,8 @@ ACTIONS = [[0.5, 0.0], [0.0, -0.25], [0.0, 0.0]]
 
 def test_an_environment_agrees_to_the_bit(lab):
     seen = Session(lab).experiment(level=3, set=START, actions=ACTIONS)
-    levels = replace(lab.levels[3], parameters=lab.hidden.parameters)
-    env = segar.envs.VectorEnv(levels, 1, task=lab.task, autoreset_mode="Disabled")
-    env.reset(options={"levels": [0]})
-    for name, value in START["golfball"].items():
-        env.intervene("golfball", levels.layout.factor(name), np.array(value))
-    places = list(lab.places.values())
-    for row, action in zip(seen, [*ACTIONS, None], strict=True):
-        assert np.array_equal(row, env.state().state.values.reshape(-1)[places], equal_nan=True)
-        if action is not None:
-            env.step(np.array([action], np.float32))
+    states, _ = replayed(lab, {"level": 3}, ACTIONS, START)
+    np.testing.assert_array_equal(seen, states.reshape(len(states), -1)[:, list(lab.places.values())])
 
 
 def test_many_experiments_are_each_of_them(lab):

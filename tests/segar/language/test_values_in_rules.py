@@ -247,7 +247,7 @@ def idle(v: segar.Velocity, action: segar.Action) -> segar.SetFactor[segar.Veloc
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_would_be_decided_once_is_refused_with_its_line(name):
     line = r"\.py:\d+\) \(line \d+: `.+`\): .*(not known while|rule cannot|rule computes|cannot be combined)"
-    line += "|JSON serializable|'&' and '|'|has no length"
+    line += r"|JSON serializable|'&' and '\|'|has no length"
     with pytest.raises(RuleError, match=line):
         own(name, REFUSED[name])
 
