@@ -145,7 +145,7 @@ def test_axe_finds_nothing_wrong_in_the_panels(scheme: Any, chromium: Chromium, 
     assert chromium.run("return document.querySelectorAll('.strip button[tabindex=\"0\"]').length") == len(
         (TRAIN, TEST)
     )
-    assert "level 2" in chromium.page.get_by_role("status").first.inner_text()
+    chromium.until("document.getElementById('said').textContent.includes('level 2')")
     chromium.until("document.querySelector('details .note + .bar').style.width === '100%'")
     assert "Value of what it sees: " in chromium.page.inner_text("details >> nth=0")
     known = chromium.page.get_by_role("region", name="What the representation knows")
