@@ -40,7 +40,8 @@ def probe_factors(
     ``accuracy``      of categories: mean over categories of the share that is recognised (balanced)
     ``information``   nats that the held-out prediction has about the factor's cell (:mod:`analysis.probes.entropy`), hence
                       no more than the representation has on average: mean of log q(cell | prediction) - log p(cell), q
-                      being counted on other episodes. Below 0: nothing could be learned from so few episodes
+                      being counted on other episodes. Below 0: nothing could be learned from so few episodes, as ``note``
+                      says of every quantity that is not told from that of knowing nothing
     ``fraction``      the same as a share of the cell's entropy, which is exact where ``entropy_of`` is "law", and of the
                       frames at hand where it is "sample"
     ``ksg``           nats between prediction and number by nearest neighbours, from one frame of each episode; where
@@ -76,6 +77,9 @@ def probe_factors(
             estimates = (category_estimates if column.is_category else number_estimates)(guess, z, cells, group, rng)
             if nearest and not column.is_category:
                 estimates["ksg"] = ksg_estimate(jittered(guess, rng), z, rng, group)
+            nothing = {"accuracy": 1 / len(np.unique(z))}  # of all others it is 0
+            data = f"{len(z)} frames of {len(np.unique(group))} episodes"
+            estimates = {name: one.told_from(nothing.get(name, 0.0), data) for name, one in estimates.items()}
             entropy = {"entropy": cells.entropy, "entropy_of": cells.source}
             rows += [base | {"quantity": name} | asdict(one) | entropy for name, one in estimates.items()]
     return pd.DataFrame(rows, columns=list(COLUMNS))

@@ -86,7 +86,8 @@ def estimate_bounds(
 
     ``p`` is that of chance, one-sided, over replicates of critic and folds, not of frames. InfoNCE has no accuracy,
     because it does not depend on where the zero of T lies. Values are those of held-out pairs. They can lie far below 0:
-    a critic that learnt few episodes by heart is sure of itself, and wrong. Its accuracy is 0.5 then.
+    a critic that learnt few episodes by heart is sure of itself, and wrong. Its accuracy is 0.5 then. ``note`` says so where
+    an estimate is not told from that of knowing nothing.
 
     Args:
         bounds: "jsd" (MINE's, at most 2 log 2 nats), "infonce" (at most log 256 nats), "smile" (clip 5). "jsd" and
@@ -99,12 +100,13 @@ def estimate_bounds(
         require(bound, Bound, "bound")
     x, z, group = _prepared(pairs.representation, pairs.factors, pairs.episode, pairs)
     found = {}
+    data = f"{len(x)} frames of {len(np.unique(group))} episodes"
     splits = _splits(group, replicates, rng)
     for bound, scores in _scores(x, z, group, splits, bounds, settings or CriticSettings(), rng).items():
-        accuracy = mean_of_replicates([one.accuracy for one in scores], CHANCE)
+        accuracy = mean_of_replicates([one.accuracy for one in scores], CHANCE).told_from(CHANCE, data)
         if bound == "infonce":
             accuracy = Estimate.missing(replicates, "InfoNCE does not care where the zero of T lies")
-        found[bound] = accuracy, mean_of_replicates([one.value for one in scores], 0.0)
+        found[bound] = accuracy, mean_of_replicates([one.value for one in scores], 0.0).told_from(0.0, data)
     return found
 
 

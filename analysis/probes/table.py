@@ -14,7 +14,7 @@ from sklearn.decomposition import PCA
 from analysis.probes.collection import PAPER_FACTORS, collect_run
 from analysis.probes.critics import CriticSettings
 from analysis.probes.factors import probe_factors
-from analysis.probes.information import Bound, estimate_bounds, mine_of_2022
+from analysis.probes.information import CHANCE, Bound, estimate_bounds, mine_of_2022
 from analysis.probes.pairs import Frames, Pairs, standardised
 from analysis.stats.estimate import mean_of_replicates
 from experiments.algorithms.learner import PolicyNetwork
@@ -176,7 +176,8 @@ def paper_rows(
         found = [mine_of_2022(sets[0], sets[1], rng, joint=joint) for _ in range(config.paper_replicates)]
         for name, values in zip(("train", "test"), zip(*found, strict=True), strict=True):
             row = {"factor": "all", "probe": probe, "quantity": "accuracy", "frames": len(sets[0])}
-            tables.append(place(pd.DataFrame([row | asdict(mean_of_replicates(values, 0.5))]), folder, name, TRAINED))
+            one = mean_of_replicates(values, CHANCE).told_from(CHANCE, f"{len(sets[0])} frames")
+            tables.append(place(pd.DataFrame([row | asdict(one)]), folder, name, TRAINED))
     return tables
 
 

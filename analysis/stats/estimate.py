@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,13 @@ class Estimate:
         if high - low > ROUNDING * max(abs(low), abs(high)):
             return cls(value, low, high, n, p)
         return cls(value, float("nan"), float("nan"), n, note=ALIKE)
+
+    def told_from(self, nothing: float, data: str) -> Estimate:
+        """The estimate; with a note that ``data``, e.g. "400 frames of 32 episodes", do not tell it from ``nothing``, where its
+        interval, or its value if it has none, does not lie above."""
+        if not (self.estimate if np.isnan(self.low) else self.low) <= nothing:
+            return self
+        return replace(self, note=f"{self.note}; " * bool(self.note) + f"{data} do not tell it from nothing")
 
     def row(self, **more: Any) -> dict[str, Any]:
         """The estimate as a row of a table, after the columns ``more``."""

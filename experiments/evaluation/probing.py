@@ -114,7 +114,8 @@ def probe_finished(run: RunConfig, config: ProbeConfig, say: Callable[[str], Non
             "settings of probes are probes.<scale>...=, and grids.<experiment>.probes=false leaves them out"
         ) from error
     took = time.perf_counter() - began
-    figures = figures_of(table.to_pylist())
+    rows = table.to_pylist()
+    figures = figures_of(rows)
     about = {"asked": as_data(config), "code": code_of_probes(), "seconds": took}
     with lock(folder):
         add_figures(folder, figures, took)
@@ -122,6 +123,12 @@ def probe_finished(run: RunConfig, config: ProbeConfig, say: Callable[[str], Non
             pq.write_table(table.replace_schema_metadata({ABOUT: json.dumps(about).encode()}), beside)
         send_to_tracker(run, folder, say)
     say(f"{run.label()}: probed in {took:.1f} s, accuracy {figures.get(PREFIX + 'accuracy/test', float('nan')):.3f}")
+    of_trained = [row for row in rows if row["representation"] == TRAINED and row["levels"] == "test"]
+    notes = [row["note"] for row in of_trained if row.get("note")]
+    if notes:
+        say(
+            f"{len(notes)} of {len(of_trained)} results on test levels have a note, most often: {max(notes, key=notes.count)}"
+        )
     return figures
 
 

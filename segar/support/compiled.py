@@ -53,6 +53,15 @@ class _Locator(InTreeCacheLocator):
     def from_function(cls, py_func: Any, py_file: str) -> "_Locator":
         return cls(py_func, py_file)
 
+    def get_source_stamp(self) -> bytes:
+        """A hash of the source, as numba 0.68 takes it; older ones take the time, which says another thing after a checkout."""
+        return _source_hash(self._py_file, os.stat(self._py_file).st_mtime_ns)
+
+
+@cache
+def _source_hash(path: str, changed: int) -> bytes:
+    return hashlib.sha256(Path(path).read_bytes()).digest()
+
 
 class _Kept(CompileResultCacheImpl):
     _locator_classes = [_Locator]  # noqa: RUF012 - numba's attribute

@@ -3,12 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis.probes.entropy import quantise, quantise_law
 from analysis.probes.factors import COLUMNS, information_gain, probe_factors
 from analysis.probes.pairs import Column, Pairs, episode_folds, standardised
-from analysis.probes.table import shuffled
+from analysis.probes.table import probe_pairs, shuffled
+from experiments.evaluation.probing import EVERYTHING, ProbeConfig
 from segar import GaussianNoise, UniformNoise
 from segar.errors import LevelError, SegarError
 from segar.noise import Choice, Deterministic, Mixture
@@ -97,6 +99,27 @@ def test_a_representation_of_another_episode_knows_nothing(pairs):
     fractions = found[found.quantity == "fraction"]
     assert (fractions.estimate < 0.05).all() and (fractions.high < 0.2).all()
     assert (found[found.quantity == "r2"].estimate < 0.05).all()
+
+
+@pytest.mark.parametrize(("frames", "episodes"), [(400, 32), (60, 5), (12, 4)])
+def test_every_result_that_few_frames_do_not_tell_from_nothing_says_so(frames, episodes):
+    """Of numbers, categories, and all factors together, where phi knows all of one and nothing of the others."""
+    episode = np.arange(frames) % episodes
+    known, hidden, moving = (rng(seed).normal(size=episodes)[episode] for seed in (1, 2, 3))
+    moving = moving + rng(4).normal(size=frames)
+    kind = np.arange(episodes)[episode] // 2 % 2.0
+    phi = np.stack([known, rng(5).normal(size=frames)], axis=1)
+    columns = (Column("ball", "Mass"), Column("ball", "Charge"), Column("ball", "Heat"), Column("tile", "type", True))
+    factors = np.stack([known, hidden, moving, kind], axis=1)
+    few = Pairs(np.float32(phi), factors, columns, episode, episode, np.arange(frames))
+    config = ProbeConfig(replicates=2, steps=30, batch=32)
+    found = probe_pairs(few.only([1, 2, 3]), rng(6), EVERYTHING, config)
+    found = pd.concat([found, probe_pairs(few, rng(6), ["ridge"], config)])
+    nothing = np.where(found["quantity"] == "accuracy", 0.5, 0.0)
+    untold = np.where(np.isnan(found["low"]), found["estimate"], found["low"]) <= nothing
+    noted = found["note"].str.contains(f"{frames} frames of {episodes} episodes do not tell it from nothing")
+    assert noted.tolist() == untold.tolist() and noted.any()
+    assert not noted[(found["factor"] == "ball.Mass") & (found["quantity"] == "r2")].any() or episodes < 32
 
 
 def test_information_about_independent_cells_is_not_positive():

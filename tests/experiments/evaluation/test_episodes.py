@@ -10,12 +10,14 @@ from experiments.evaluation.episodes import (
     evaluate_run,
     evaluation_figures,
     play_episodes,
+    unseen_by_distances,
 )
 from experiments.levels.builders import Prepared
 from experiments.settings import EvaluationConfig, RunConfig
-from segar import family
+from segar import GolfBall, Gravity, Levels, family
 from segar.envs import VectorEnv
 from segar.evaluation import episodes
+from segar.language import Visible
 from segar.metrics import ks, w2
 
 
@@ -27,6 +29,18 @@ class Linear:
         if rng is not None:
             action = action + torch.randn(action.shape, generator=rng).numpy()
         return action.astype(np.float32)
+
+
+def test_only_where_no_exact_distance_is_asked_for_a_run_says_what_the_others_do_not_see():
+    """Exact sees the pull, and stands beside the others; of what it leaves out itself it tells in any case."""
+    pull = [Levels.from_entities([[GolfBall()]], parameters={Gravity: value}) for value in (8.0, 12.0)]
+    for modes in (["exact"], ["exact", "reference"], ["reference", "exact", "paper"]):
+        assert unseen_by_distances(*pull, modes) == []
+    (said,) = unseen_by_distances(*pull, ["reference"])
+    assert "w2/reference does not see" in said and "parameter Gravity: 8 against 12" in said
+    sight = [Levels.from_entities([[GolfBall({Visible: value})]]) for value in (False, True)]
+    (said,) = unseen_by_distances(*sight, ["exact", "reference"])
+    assert "w2/exact does not see" in said and "factor Visible of GolfBall" in said
 
 
 LEVELS = family("tilesx1-easy").sample(12, seed=1)
