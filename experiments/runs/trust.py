@@ -69,8 +69,6 @@ def _key() -> bytes:
         raise RunFolderError(f"cannot keep the key that signs runs: {error}") from error
     try:
         with FileLock(path.with_suffix(".lock")):  # nobody reads a key that another process has not written yet
-            if path.exists() and path.stat().st_uid != os.geteuid():
-                path.unlink()  # planted while others could write to the folder
             if not path.exists():
                 with open(os.open(path, os.O_WRONLY | os.O_CREAT, 0o600), "wb") as stream:
                     stream.write(secrets.token_bytes(32))

@@ -41,51 +41,34 @@ def packed(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: packed(part) for key, part in value.items()}
     if isinstance(value, functools.partial):
-        return _Partial(packed(value.func), packed(value.args), packed(value.keywords))
+        return _Reduced(_partial, (packed(value.func), packed(value.args), packed(value.keywords)))
     if not isfunction(value):
         return value
     found = _of_name(value)
     if found is value:
         return value
-    if getattr(found, "function", None) is value:
-        return _FunctionOf(_name(value))
-    return _Code(_code(value))
-
-
-def unpacked(value: Any) -> Any:
-    """What :func:`packed` took."""
-    if isinstance(value, tuple) and type(value) is tuple:
-        return tuple(map(unpacked, value))
-    if isinstance(value, dict):
-        return {key: unpacked(part) for key, part in value.items()}
-    if isinstance(value, _Partial):
-        return functools.partial(unpacked(value.function), *unpacked(value.arguments), **unpacked(value.keywords))
-    if isinstance(value, _FunctionOf):
-        return named_object(value.name).function
-    return pickle.loads(value.content) if isinstance(value, _Code) else value
+    if getattr(found, "function", None) is value:  # of the rule or relation that this name leads to
+        return _Reduced(getattr, (found, "function"))
+    return _Reduced(pickle.loads, (_code(value),))
 
 
 @dataclasses.dataclass(frozen=True)
-class _Partial:
+class _Reduced:
+    """Stands in a pickle for what a call returns, which is what the pickle then holds."""
+
     function: Any
     arguments: tuple[Any, ...]
-    keywords: dict[str, Any]
+
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        return self.function, self.arguments
 
 
-@dataclasses.dataclass(frozen=True)
-class _FunctionOf:
-    """The function of the rule or relation that this name leads to."""
-
-    name: str
-
-
-@dataclasses.dataclass(frozen=True)
-class _Code:
-    content: bytes
+def _partial(function: Any, arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
+    return functools.partial(function, *arguments, **keywords)
 
 
 def _made(kind: type, fields: Mapping[str, Any]) -> Any:
-    return kind(**unpacked(fields))
+    return kind(**fields)
 
 
 def _name(function: Any) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from segar.errors import SegarError
 from segar.language.layout import Factors
-from segar.language.pickling import packed, unpacked
+from segar.language.pickling import packed
 from segar.language.rule_definition import Rule, as_rule, value_rule
 
 Function = Callable[..., Any]
@@ -163,9 +163,6 @@ class Task:
 
     def __getstate__(self) -> dict[str, Any]:
         return packed(vars(self))
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(unpacked(state))
 
     def functions(self) -> TaskFunctions:
         """The traced functions; raises :class:`RuleError`."""

@@ -1,5 +1,5 @@
 from . import checks as checks, moments as moments
-from .apart import near_levels as near_levels
+from .apart import WITHOUT_EFFECT as WITHOUT_EFFECT, near_levels as near_levels
 from .conditional import Dependent
 from .crossings import check_crossings as check_crossings, hull_radii as hull_radii
 from .description import description_of as description_of

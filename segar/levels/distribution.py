@@ -20,7 +20,7 @@ from segar.levels.hashing import content_hash
 from segar.levels.level_data import SPLIT, LevelData, Provenance, layout_on_floor
 from segar.levels.level_set import Levels
 from segar.levels.priors import Prior, check_priors
-from segar.levels.probability.entropy import acceptance, acceptance_of, entropy, log_acceptance
+from segar.levels.probability.entropy import acceptance, entropy, log_acceptance
 from segar.levels.probability.log_prob import log_probability
 from segar.levels.probability.marginals import marginals
 from segar.levels.probability.shared import shared_probability
@@ -249,12 +249,12 @@ class LevelDistribution:
         """
         found = log_probability(self.plan, self._own(levels))
         total = found.simple + found.other
-        return total - log_acceptance(self.plan, found, self._acceptances)[0] if normalised else total
+        return total - log_acceptance(self.plan, found)[0] if normalised else total
 
     def log_acceptance(self, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
         """Log probability that positions drawn for the things of each level are far enough apart, and its standard
         error, float64 ``(n,)`` each; raises as ``log_prob`` does."""
-        return log_acceptance(self.plan, log_probability(self.plan, self._own(levels)), self._acceptances)
+        return log_acceptance(self.plan, log_probability(self.plan, self._own(levels)))
 
     def acceptance(self, draws: int = 100_000, seed: int = 0) -> Estimate:
         """The share of levels whose things are far enough apart at the first try, with its standard error.
@@ -283,15 +283,7 @@ class LevelDistribution:
         """
         if not is_whole(n) or n < 1:
             raise LevelError(f"{self}: the number of levels must be a whole number above 0, not {n!r}")
-        known: dict[Any, Estimate] = {}
-
-        def accepted(places: tuple[Noise, ...], min_distance: float) -> Estimate:
-            key = places, min_distance
-            if key not in known:
-                known[key] = acceptance_of(places, min_distance)
-            return known[key]
-
-        return shared_probability(self.plan, (self if other is None else other).plan, int(n), accepted)
+        return shared_probability(self.plan, (self if other is None else other).plan, int(n))
 
     def entropy(self, draws: int = 20_000, seed: int = 0) -> Estimate:
         """Entropy [nats] with respect to the measure of ``log_prob``, with its standard error.
@@ -300,7 +292,7 @@ class LevelDistribution:
         (given that no two things are too close) count by the mean over ``draws`` levels of a split of their own.
         Raises as ``sample`` and ``log_prob`` do.
         """
-        return entropy(self.plan, self.sample(draws, seed, split="entropy"), self._acceptances)
+        return entropy(self.plan, self.sample(draws, seed, split="entropy"))
 
     def explain(self, entity: type[Entity] | str | None, factor: type[Factor]) -> Explanation:
         """Which prior sets a factor, and why: an :class:`Explanation`, to be printed.
@@ -320,11 +312,6 @@ class LevelDistribution:
                 f" {', '.join(self.layout.names)}, or hold other factors or parameters"
             )
         return levels
-
-    @cached_property
-    def _acceptances(self) -> dict[Any, Estimate]:
-        """Acceptances that were estimated, by the distributions of the positions."""
-        return {}
 
     def __repr__(self) -> str:
         if self.name:

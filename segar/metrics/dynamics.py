@@ -14,14 +14,11 @@ import numpy as np
 from scipy.spatial.distance import cdist, pdist, squareform
 
 from segar.errors import LevelError
-from segar.language import Acceleration, Density, Drag, Entity, Factor, Order
-from segar.levels import Levels, checks, entity_types
+from segar.language import Entity, Factor
+from segar.levels import WITHOUT_EFFECT, Levels, checks, entity_types
 from segar.metrics.points import Spread, Units, shorter_way
 from segar.metrics.wasserstein import resampled
 from segar.support import Estimate, aligned, emd
-
-UNCOUNTED: tuple[type[Factor], ...] = (Order, Acceleration, Drag, Density)
-"""Factors that do not count in what becomes of a state: the order of drawing, and quantities that follow from others."""
 
 BLOCKS = 10  # of situations, of which the jackknife leaves out one at a time
 ROUNDING = 1e-12  # a smaller standard error, as a share, is what arithmetic adds
@@ -85,7 +82,7 @@ def readings_of(what: str, states: Levels, scale: Spread | None, factors: Sequen
 
 
 def _counted(kind: type[Entity], factors: Sequence[type[Factor]] | None) -> list[type[Factor]]:
-    return [f for f in kind.declared if f.width and (f not in UNCOUNTED if factors is None else f in factors)]
+    return [f for f in kind.declared if f.width and (f not in WITHOUT_EFFECT if factors is None else f in factors)]
 
 
 @dataclass(frozen=True, eq=False)

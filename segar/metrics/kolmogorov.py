@@ -26,9 +26,9 @@ class FactorKS:
     Attributes:
         name: such as ``"GolfBall.Position.x"``, ``"Charger.count"`` or ``"world.Gravity"``.
         value: sup_x |F(x) - G(x)|.
-        band: half width of the band of the report's confidence around the difference of the empirical distribution
-            functions, in which the true one lies at all x at once. Sample against distribution: sqrt(ln(2 / alpha) / 2n)
-            (Dvoretzky, Kiefer and Wolfowitz 1956, Massart 1990). Two samples: sqrt(ln(2 / alpha) (1/n + 1/m) / 2), its
+        band: half width of the 95 % band around the difference of the empirical distribution
+            functions, in which the true one lies at all x at once. Sample against distribution: sqrt(ln(40) / 2n)
+            (Dvoretzky, Kiefer and Wolfowitz 1956, Massart 1990). Two samples: sqrt(ln(40) (1/n + 1/m) / 2), its
             asymptotic form. So ``value > band`` speaks against one distribution.
         p_value: of the hypothesis of one distribution; exact without atoms, too large with atoms.
         n: values in the first sample. m: in the second, None where that is a distribution.
@@ -52,14 +52,12 @@ class KSReport:
             levels of two sets are dealt at random; of a distribution, as many levels are drawn as the sample has. The test
             is exact whatever the factors' dependence, since whole levels are dealt or drawn.
         factors: the marginals, most different (smallest p-value, then largest value) first.
-        confidence: that of the bands.
         unseen: in what both sides differ that the statistic does not see; see :func:`segar.metrics.unseen_differences`.
     """
 
     value: float
     p_value: float
     factors: tuple[FactorKS, ...]
-    confidence: float
     resamples: int
     unseen: tuple[str, ...] = ()
 
@@ -114,7 +112,6 @@ def ks_report(
     *,
     rng: np.random.Generator,
     resamples: int = 199,
-    confidence: float = 0.95,
     factors: Sequence[type[Factor]] | None = None,
 ) -> KSReport:
     """The statistic with bands, p-values, and the marginals in order of evidence: two level sets, or levels and a distribution.
@@ -123,15 +120,12 @@ def ks_report(
 
     Args:
         rng: for the joint test; ``resamples`` (at least 19) repetitions, so that p is at least 1 / (1 + resamples).
-        confidence: of the bands, in (0, 1).
 
     Raises:
         LevelError: as :func:`ks`; or both are distributions, whose distance has no error to report.
     """
     checks.require_generator("ks_report", rng)
     checks.require_count("ks_report", "resamples", resamples, 19)
-    if not 0 < confidence < 1:
-        raise LevelError(f"ks_report needs a confidence between 0 and 1, not {confidence}")
     if not isinstance(a, Levels):
         a, b = b, a
     if not isinstance(a, Levels):
@@ -140,12 +134,11 @@ def ks_report(
     _require_own_names("ks_report", a, b)
     value = joint_difference([m.curve() for m in marginals])
     null = _dealt(marginals, a, b, rng, resamples) if isinstance(b, Levels) else _drawn(a, b, factors, rng, resamples)
-    found = [_factor_report(m, confidence) for m in marginals]
+    found = [_factor_report(m) for m in marginals]
     return KSReport(
         value=value,
         p_value=float((1 + np.sum(np.asarray(null) >= value - 1e-12)) / (1 + resamples)),
         factors=tuple(sorted(found, key=lambda f: (f.p_value, -f.value))),
-        confidence=confidence,
         resamples=resamples,
         unseen=warn_of_unseen("ks_report", a, b, "exact", factors),
     )
@@ -157,29 +150,24 @@ def _require_own_names(what: str, a: Side, b: Side) -> None:
     require_own_names(f"world parameters in {what}", [*a.layout.parameters, *b.layout.parameters])
 
 
-def dkw_band(n: int, confidence: float = 0.95) -> float:
-    """Half width of the band around an empirical distribution function that contains the true one at all x at once.
+def dkw_band(n: int) -> float:
+    """Half width of the 95 % band around an empirical distribution function that contains the true one at all x at once.
 
-    sqrt(ln(2 / (1 - confidence)) / 2n), for n independent values of any distribution (Massart 1990).
-
-    Raises:
-        LevelError: n is below 1, or the confidence outside (0, 1).
+    sqrt(ln(2 / 0.05) / 2n), for n independent values of any distribution (Massart 1990).
     """
-    if not (n >= 1 and 0 < confidence < 1):
-        raise LevelError(f"dkw_band needs at least 1 value and a confidence between 0 and 1, not {n} and {confidence}")
-    return float(np.sqrt(np.log(2 / (1 - confidence)) / (2 * n)))
+    return float(np.sqrt(np.log(40) / (2 * n)))
 
 
-def _factor_report(marginal: TwoSamples | SampleAgainstDistribution, confidence: float) -> FactorKS:
+def _factor_report(marginal: TwoSamples | SampleAgainstDistribution) -> FactorKS:
     value = marginal.largest_difference()
     if isinstance(marginal, SampleAgainstDistribution):
         n = len(marginal.sample)
         p_value = float(scipy.stats.kstwo.sf(value, n))
-        return FactorKS(marginal.name, value, dkw_band(n, confidence), p_value, n, None)
+        return FactorKS(marginal.name, value, dkw_band(n), p_value, n, None)
     n, m = len(marginal.x), len(marginal.y)
     method = "exact" if max(n, m) <= 1000 else "asymp"
     p_value = float(scipy.stats.ks_2samp(marginal.x, marginal.y, method=method).pvalue)  # type: ignore[union-attr]
-    band = dkw_band(1, confidence) * np.sqrt(1 / n + 1 / m)
+    band = dkw_band(1) * np.sqrt(1 / n + 1 / m)
     return FactorKS(marginal.name, value, float(band), min(p_value, 1.0), n, m)
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from segar.errors import LevelError
 from segar.language import Factor
 from segar.levels import Levels, PointSets, checks, entity_types
 from segar.metrics.points import Spread, Units
@@ -133,32 +132,27 @@ def mmd_test(
     *,
     rng: np.random.Generator,
     resamples: int = 999,
-    bandwidth: float | None = None,
     scale: Spread | None = None,
     factors: Sequence[type[Factor]] | None = None,
 ) -> TwoSampleTest:
     """The maximum mean discrepancy sqrt(E k(X,X') + E k(Y,Y') - 2 E k(X,Y)) with its permutation test.
 
-    k(x, y) = exp(-|x - y|^2 / 2 h^2) on levels as vectors (Gretton et al. 2012, biased estimate). It is zero for equal samples
-    only.
+    k(x, y) = exp(-|x - y|^2 / 2 h^2) on levels as vectors, with their median distance as h (Gretton et al. 2012, biased
+    estimate). It is zero for equal samples only.
 
     Args:
         rng: deals the levels anew, ``resamples`` times.
-        bandwidth: h; by default the median distance of all levels.
         scale, factors: as for :func:`segar.metrics.embed`, which makes the vectors.
 
     Raises:
-        LevelError: not two level sets, fewer than 19 resamples, or a bandwidth that is not positive.
+        LevelError: not two level sets, or fewer than 19 resamples.
     """
     checks.require_levels("mmd_test", a, b)
     checks.require_generator("mmd_test", rng)
     vectors = np.concatenate(embed(a, b, scale=scale, factors=factors))
     distances = scipy.spatial.distance.cdist(vectors, vectors)
-    h = median_distance(distances) if bandwidth is None else bandwidth
-    if not 0 < h < np.inf:
-        raise LevelError(f"mmd_test: the bandwidth must be a positive number, not {bandwidth!r}")
     checks.require_count("mmd_test", "resamples", resamples, LEAST_RESAMPLES)
-    kernel = np.exp(-0.5 * (distances / h) ** 2)
+    kernel = np.exp(-0.5 * (distances / median_distance(distances)) ** 2)
     # The statistic is the root of s' K s, with s = 1/n on the levels of a and -1/m on those of b.
     n, total = len(a), len(kernel)
     signs = np.where(np.arange(total) < n, 1 / n, -1 / (total - n))

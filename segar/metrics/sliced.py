@@ -15,6 +15,8 @@ from segar.metrics.transport import quantile_steps
 from segar.metrics.unseen import warn_of_unseen
 from segar.metrics.wasserstein import MISMATCH
 
+PROJECTIONS = 500
+
 
 @dataclass(frozen=True)
 class SlicedW2:
@@ -37,7 +39,6 @@ def w2_sliced(
     b: Levels,
     *,
     rng: np.random.Generator,
-    projections: int = 500,
     mismatch: float = MISMATCH,
     scale: Spread | None = None,
     factors: Sequence[type[Factor]] | None = None,
@@ -50,26 +51,25 @@ def w2_sliced(
     n^(-1/D); but it sees less: sets that look alike along every line nearly look equal. Time and memory grow as n D.
 
     Args:
-        rng: draws the directions; ``projections`` (at least 2) of them, or a few more to fill orthonormal frames.
+        rng: draws the directions; 500 of them, or a few more to fill orthonormal frames.
         mismatch, scale, factors: as for :func:`segar.metrics.w2`.
 
     Raises:
-        LevelError: not two level sets, or fewer than 2 projections.
+        LevelError: not two level sets.
 
     Source: Bonneel et al. 2015.
     """
     checks.require_levels("w2_sliced", a, b)
     checks.require_generator("w2_sliced", rng)
-    checks.require_count("w2_sliced", "projections", projections, 2)
     x, y = embed(a, b, scale=scale, mismatch=mismatch, factors=factors)
     unseen = warn_of_unseen("w2_sliced", a, b, "exact", factors, scale)
     dimension = x.shape[1]
     if dimension == 0:
         return SlicedW2(0.0, 0.0, 0, unseen)
-    directions = frames(dimension, projections, rng)
+    directions = frames(dimension, PROJECTIONS, rng)
     rows, columns, widths = quantile_steps(len(x), len(y))
     apart = np.sort(x @ directions, axis=0)[rows] - np.sort(y @ directions, axis=0)[columns]
     squares = dimension * (widths @ apart**2)
     value = float(np.sqrt(squares.mean()))
-    error = float(squares.std(ddof=1) / np.sqrt(len(squares))) if len(squares) > 1 else 0.0
+    error = float(squares.std(ddof=1) / np.sqrt(len(squares)))
     return SlicedW2(value, error / (2 * value) if value > 0 else 0.0, len(squares), unseen)

@@ -16,7 +16,6 @@ from segar.noise.base import DISTANCES, Noise, check_width
 from segar.noise.continuous import GaussianNoise, UniformNoise
 from segar.noise.discrete import Deterministic, DiscreteNoise
 from segar.noise.line_distances import ATOM_PAIRS, greatest_difference, ks_line, supremum, w2_line, w2_on_circle
-from segar.noise.locations import GaussianNoise2D
 from segar.noise.mixture import MixtureNoise
 from segar.noise.transforms import Affine
 from segar.noise.wrapped import Wrapped
@@ -136,8 +135,6 @@ def w2_plane(a: Noise, b: Noise) -> Estimate:
     Raises:
         PriorError: a distribution says neither its atoms nor its distribution function.
     """
-    if isinstance(a, GaussianNoise2D) and isinstance(b, GaussianNoise2D) and a.clip is None and b.clip is None:
-        return Estimate(_gaussians(a, b))
     if a.components is not None and b.components is not None:
         parts = [x.w2_estimate(y) for x, y in zip(a.components, b.components, strict=True)]
         return Estimate(math.hypot(*(part.value for part in parts)), math.hypot(*(part.error for part in parts)))
@@ -168,16 +165,6 @@ def ks_plane_estimate(a: Noise, b: Noise) -> Estimate:
     first, second = (one.cdf(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)) for one in (a, b))
     bound = np.maximum(first[1:, 1:] - second[:-1, :-1], second[1:, 1:] - first[:-1, :-1])
     return Estimate(value, max(0.0, float(bound.max()) - value))
-
-
-def _gaussians(a: Any, b: Any) -> float:
-    """Closed form (Dowson and Landau 1982): |m1-m2|^2 + tr(A + B - 2 (B^1/2 A B^1/2)^1/2)."""
-    first, second = np.array(a.cov), np.array(b.cov)
-    values, vectors = np.linalg.eigh(second)
-    root = (vectors * np.sqrt(np.clip(values, 0, None))) @ vectors.T
-    cross = np.sqrt(np.clip(np.linalg.eigvalsh(root @ first @ root), 0, None)).sum()
-    square = np.sum((np.array(a.loc) - np.array(b.loc)) ** 2) + np.trace(first) + np.trace(second) - 2 * cross
-    return math.sqrt(max(float(square), 0.0))
 
 
 def _transport(x: np.ndarray, p: np.ndarray, y: np.ndarray, q: np.ndarray) -> float:

@@ -3,7 +3,6 @@ run code when they are read."""
 
 import errno
 import os
-import shutil
 import stat
 import sys
 from functools import cache
@@ -26,22 +25,18 @@ def cache_folder() -> Path:
 def private_cache_folder() -> Path:
     """The first folder that the user can write to, made if need be; nobody else but root can write to it.
 
-    A folder that ``$SEGAR_CACHE_DIR`` does not name is mended where others could write to it, and the machine code in it is
-    thrown away.
-
     Raises:
-        SegarError: a folder belongs to somebody else, others can write to the folder that ``$SEGAR_CACHE_DIR`` names, this one
-            cannot be made, or there is no other one.
+        SegarError: a folder belongs to somebody else, others can write to it, the one that ``$SEGAR_CACHE_DIR`` names cannot
+            be made, or there is no other one.
     """
     why = ""
     for folder in (*_usual(), *_temporary()):
-        is_named = str(folder) == os.environ.get(FOLDER)
         try:
-            _make_private(folder, is_named)
+            _make_private(folder)
             return folder
         except OSError as cause:
             why = f"kernels cannot be kept in {folder}: {cause.strerror}; {ADVICE}"
-            if is_named and not os.path.isdir(folder):
+            if str(folder) == os.environ.get(FOLDER) and not os.path.isdir(folder):
                 break
     raise SegarError(why)
 
@@ -74,25 +69,21 @@ def _temporary() -> list[Path]:
     return [Path(place or "/tmp") / f"segar-{os.geteuid()}" for place in (os.environ.get("TMPDIR"), "/tmp", "/dev/shm")]
 
 
-def _make_private(folder: Path, is_named: bool) -> None:
+def _make_private(folder: Path) -> None:
     """Make a folder that can be written; raises :class:`OSError` where it cannot."""
     compiled, mode = folder / MACHINE_CODE, OWN
     for path in (folder, compiled):
         path.mkdir(parents=True, exist_ok=True, mode=mode)
-        mode = stat.S_IMODE(path.stat().st_mode) & ~OTHERS_WRITE
+        mode = stat.S_IMODE(path.stat().st_mode)
         for stranger in _strangers(path):
             raise SegarError(
                 f"{path} belongs to user {stranger}, whose kernels would run as you; set {FOLDER} to a folder of your own"
             )
-        if is_named and _others_write(path):
+        if _others_write(path):
             raise SegarError(
                 f"others can write to {path}, and their kernels would run as you: chmod go-w {path}, or set {FOLDER} to"
                 " a folder of your own"
             )
-    if _others_write(folder) or _others_write(compiled):
-        folder.chmod(stat.S_IMODE(folder.stat().st_mode) & ~OTHERS_WRITE)
-        shutil.rmtree(compiled)
-        compiled.mkdir(mode=OWN)
     if not all(os.access(path, os.W_OK, effective_ids=True) for path in (folder, compiled)):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 

@@ -21,7 +21,6 @@ from segar.support import (
     say_where_kept,
 )
 
-COMPILED = f"{MACHINE_CODE}/*.advance-*.nbi"
 _loaded: dict[str, ModuleType] = {}
 
 
@@ -59,7 +58,7 @@ def load_module(text: str) -> ModuleType:
     exec(compile(text.replace(", cache=True", ""), path, "exec", dont_inherit=True), vars(module))
     if hasattr(module, "advance"):
         if not is_compiled(path):
-            print(f"segar: compiling kernel {name[2:6]} (first time, {usual_time()})", file=sys.stderr, flush=True)
+            print(f"segar: compiling kernel {name[2:6]} (first time, some 10 s)", file=sys.stderr, flush=True)
         keep_kernel(module.advance)
     else:  # what kernels share: each function is kept by itself
         for function in vars(module).values():
@@ -67,13 +66,6 @@ def load_module(text: str) -> ModuleType:
                 keep_kernel(function)
     _loaded[name] = module
     return module
-
-
-def usual_time() -> str:
-    """How long compiling takes, in words: the median of the kernels in the folder, by the times of their two files."""
-    kernels = {path: cache_folder() / f"{path.name.partition('.')[0]}.py" for path in cache_folder().glob(COMPILED)}
-    took = sorted(path.stat().st_mtime - text.stat().st_mtime for path, text in kernels.items() if text.exists())
-    return f"about {took[len(took) // 2]:.0f} s, as others here" if took else "some 10 s or more"
 
 
 def is_compiled(path: Path) -> bool:

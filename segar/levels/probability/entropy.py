@@ -6,6 +6,7 @@ are, and is estimated from draws.
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -33,23 +34,15 @@ def acceptance(plan: SamplingPlan, streams: Streams, draws: int) -> Estimate:
     return _share(accepted, draws)
 
 
-def log_acceptance(
-    plan: SamplingPlan, found: log_prob.LogProbability, known: dict[tuple[Noise, ...], Estimate]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Logarithm of the acceptance of each level's things, and its standard error, float64 ``(n,)`` each.
-
-    Args:
-        known: acceptances of things with these distributions, to which those are added that were not known.
-    """
+def log_acceptance(plan: SamplingPlan, found: log_prob.LogProbability) -> tuple[np.ndarray, np.ndarray]:
+    """Logarithm of the acceptance of each level's things, and its standard error, float64 ``(n,)`` each."""
     value, error = np.zeros(len(found.places)), np.zeros(len(found.places))
     if not log_prob.is_conditioned(plan):
         return value, error
     kinds, place = np.unique(np.sort(found.places, axis=1), axis=0, return_inverse=True)
     for k, kind in enumerate(kinds):
         noises = tuple(found.distributions[i] for i in kind if i >= 0)
-        if noises not in known:
-            known[noises] = acceptance_of(noises, plan.min_distance)
-        share = known[noises]
+        share = acceptance_of(noises, plan.min_distance)
         if not share.value:
             raise PlacementError(
                 f"the acceptance of {len(noises)} things is below {3 / ACCEPTANCE_DRAWS:.0e}, too rare to be estimated;"
@@ -60,10 +53,10 @@ def log_acceptance(
     return value, error
 
 
-def entropy(plan: SamplingPlan, levels: LevelData, known: dict[tuple[Noise, ...], Estimate]) -> Estimate:
+def entropy(plan: SamplingPlan, levels: LevelData) -> Estimate:
     """Entropy of the distribution [nats]: in closed form, plus the mean over its ``levels`` of what has none."""
     found = log_prob.log_probability(plan, levels)
-    accepted, spread = log_acceptance(plan, found, known)
+    accepted, spread = log_acceptance(plan, found)
     rest = accepted - found.other
     drawn = float(rest.std(ddof=1)) / math.sqrt(len(rest))
     return Estimate(simple_entropy(plan) + float(rest.mean()), math.hypot(drawn, float(spread.mean())))
@@ -100,6 +93,7 @@ def _slot_entropy(plan: SamplingPlan, group: SlotGroup, slot: int) -> float:
     return total
 
 
+@lru_cache(maxsize=256)
 def acceptance_of(noises: tuple[Noise, ...], min_distance: float) -> Estimate:
     """The share of places, drawn from these distributions, of which no two are too close."""
     if len(noises) < 2:

@@ -8,7 +8,7 @@ corner. Two levels are the same where :func:`segar.levels.apart.near_levels` say
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, product
 from typing import Any
@@ -19,6 +19,7 @@ from segar.errors import PriorError
 from segar.language import CIRCLE, HULL, BaseShape, Factor, Position, Size, Tile
 from segar.levels.apart import WITHOUT_EFFECT
 from segar.levels.priors import factors_read
+from segar.levels.probability.entropy import acceptance_of
 from segar.levels.probability.log_prob import distribution_of
 from segar.levels.sampling.placement import ARENA_HIGH, ARENA_LOW, WALL_MARGIN
 from segar.levels.sampling.plan import SamplingPlan, SlotGroup
@@ -31,7 +32,6 @@ FAR = 1e3  # [m] beyond all places
 
 Box = tuple[float, float, float, float]  # [m] lowest and highest x, lowest and highest y of where a thing was drawn
 States = dict[tuple[Any, ...], int]
-Acceptance = Callable[[tuple[Noise, ...], float], Estimate]
 
 
 @dataclass(frozen=True)
@@ -43,14 +43,11 @@ class _Atom:
     place: Noise | None = None
 
 
-def shared_probability(plan: SamplingPlan, other: SamplingPlan, n: int, acceptance_of: Acceptance) -> Estimate:
+def shared_probability(plan: SamplingPlan, other: SamplingPlan, n: int) -> Estimate:
     """The probability that a level of ``other`` is one of ``n`` independent levels of ``plan``.
 
     The value is exact, with an error of 0, where no two things can be drawn too close to each other. Elsewhere the error
     bounds what the minimal distance between things takes off.
-
-    Args:
-        acceptance_of: gives the share of places, drawn from these distributions, that a minimal distance accepts.
 
     Raises:
         PriorError: a factor with atoms depends on other factors, or there are too many kinds of levels.
@@ -71,7 +68,7 @@ def shared_probability(plan: SamplingPlan, other: SamplingPlan, n: int, acceptan
     for (p, q, boxes, of_p, of_q), number in states.items():
         low, high = _kept(boxes, plan.min_distance)
         low_q, high_q = _kept(boxes, other.min_distance)
-        (a, b), (c, d) = (_accepted(places, one, acceptance_of) for places, one in ((of_p, plan), (of_q, other)))
+        (a, b), (c, d) = (_accepted(places, one) for places, one in ((of_p, plan), (of_q, other)))
         least += number * (q * low_q / d) * _among(p * low / b, n)
         most += number * min(q * high_q / c, 1.0) * _among(p * high / a, n)
     return Estimate((least + most) / 2, (most - least) / 2)
@@ -297,7 +294,7 @@ def _kept(boxes: tuple[Box, ...], min_distance: float) -> tuple[float, float]:
     return low, 1.0
 
 
-def _accepted(places: tuple[Noise, ...], plan: SamplingPlan, acceptance_of: Acceptance) -> tuple[float, float]:
+def _accepted(places: tuple[Noise, ...], plan: SamplingPlan) -> tuple[float, float]:
     """Least and largest share of all places of such things that the minimal distance accepts: one number where it takes off
     none, else three standard errors around an estimate."""
     boxes = tuple((*x, *y) for x, y in (noise.support for noise in places))

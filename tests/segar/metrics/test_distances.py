@@ -7,6 +7,7 @@ os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")
 import numpy as np
 import ot
 import pytest
+from scipy.spatial.distance import pdist
 
 import segar
 from segar import Charger, GolfBall, Gravity, Levels, Magnet, Position
@@ -102,7 +103,7 @@ def test_a_missing_entity_is_at_least_a_mismatch_away():
 def test_sliced_is_the_distance_of_a_set_and_its_translate_and_zero_for_equal_sets():
     points = rng(0).normal(size=(40, 2))
     a, b = balls(points), balls(points + np.array([0.3, 0.4]))
-    assert w2_sliced(a, b, rng=rng(), projections=4, scale=UNIT).value == pytest.approx(0.5)
+    assert w2_sliced(a, b, rng=rng(), scale=UNIT).value == pytest.approx(0.5)
     assert w2_sliced(a, a, rng=rng(), scale=UNIT).value == pytest.approx(0.0, abs=1e-9)
 
 
@@ -110,7 +111,7 @@ def test_sliced_is_pots_up_to_the_root_of_the_dimension():
     a, b = balls(rng(0).normal(size=(30, 2))), balls(rng(1).normal(0.2, 2.0, size=(20, 2)))
     x, y = embed(a, b, scale=UNIT)
     plain = np.sqrt(2) * ot.sliced_wasserstein_distance(x, y, n_projections=20_000, seed=0)
-    ours = w2_sliced(a, b, rng=rng(), projections=2000, scale=UNIT)
+    ours = w2_sliced(a, b, rng=rng(), scale=UNIT)
     assert ours.value == pytest.approx(plain, abs=5 * ours.standard_error + 0.01)
 
 
@@ -118,7 +119,7 @@ def test_sliced_is_pots_up_to_the_root_of_the_dimension():
 def test_sliced_is_symmetric_and_at_most_the_exact_distance_of_the_vectors(name):
     a, b = levels(name, 30), levels(name, 25, split="test")
     exact = np.sqrt(ot.emd2([], [], ot.dist(*embed(a, b))))
-    there, back = (w2_sliced(*pair, rng=rng(), projections=100) for pair in ((a, b), (b, a)))
+    there, back = (w2_sliced(*pair, rng=rng()) for pair in ((a, b), (b, a)))
     assert 0.0 < there.value <= exact
     assert back.value == pytest.approx(there.value, abs=4 * (there.standard_error + back.standard_error))
 
@@ -206,12 +207,13 @@ def test_levels_from_a_file_have_no_distribution_to_draw_a_floor_from(tmp_path):
 def test_mmd_is_its_definition():
     a, b = balls(rng(0).normal(size=(7, 2))), balls(rng(1).normal(size=(9, 2)))
     x, y = embed(a, b, scale=UNIT)
+    h = np.median(pdist(np.concatenate([x, y])))
 
     def mean_kernel(p, q):
-        return np.mean([[np.exp(-((u - v) ** 2).sum() / (2 * 0.7**2)) for v in q] for u in p])
+        return np.mean([[np.exp(-((u - v) ** 2).sum() / (2 * h**2)) for v in q] for u in p])
 
     plain = np.sqrt(mean_kernel(x, x) + mean_kernel(y, y) - 2 * mean_kernel(x, y))
-    assert mmd_test(a, b, rng=rng(), resamples=19, bandwidth=0.7, scale=UNIT).value == pytest.approx(plain)
+    assert mmd_test(a, b, rng=rng(), resamples=19, scale=UNIT).value == pytest.approx(plain)
 
 
 def test_dependence_shows_though_all_marginals_are_equal():
@@ -234,11 +236,9 @@ def test_a_test_repeats_and_works_on_levels_with_all_kinds_of_entities():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda a: w2_sliced(a, a, rng=rng(), projections=1), "at least 2 projections, not 1"),
         (lambda a: w2_sliced(a, "b", rng=rng()), "w2_sliced takes level sets"),
         (lambda a: cost_matrix(a, a, "exat"), "cost_matrix: unknown mode 'exat'"),
         (lambda a: mmd_test(a, a, rng=rng(), resamples=3), "at least 19 resamples, not 3"),
-        (lambda a: mmd_test(a, a, rng=rng(), bandwidth=0.0), "bandwidth must be a positive number"),
         (lambda a: w2_debiased(a, a, rng=rng(), repeats=1), "at least 2 repeats"),
         (lambda a: decompose(a, None), "decompose takes level sets"),
     ],

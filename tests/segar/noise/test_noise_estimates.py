@@ -29,7 +29,7 @@ def test_what_has_a_closed_form_has_no_error():
         (sn.UniformNoise(0.0, 1.0), sn.UniformNoise(1.0, 2.5)),
         (sn.Empirical([1.0, 2.0]), sn.DiscreteRangeNoise(1, 3)),
         (sn.RandomTopLocation(), sn.RandomMiddleLocation()),
-        (sn.GaussianNoise2D((0, 0), cov=[[1, 0.5], [0.5, 1]]), sn.GaussianNoise2D((0, 1), cov=[[1, 0.2], [0.2, 1]])),
+        (sn.GaussianNoise2D((0, 0), (1, 2)), sn.GaussianNoise2D((0, 1), 1)),
         (sn.LogUniform(0.1, 1.0), sn.Deterministic(0.4)),
     ]
     for a, b in pairs:
@@ -48,7 +48,7 @@ def test_the_stated_errors_hold_the_true_distances(a, b):
 
 
 def test_a_distance_of_distributions_on_the_plane_without_closed_form_says_how_far_off_it_may_be():
-    left, right = sn.RandomLeftLocation(), sn.GaussianNoise2D((0.5, 0.0), cov=[[0.02, 0.01], [0.01, 0.02]])
+    left, right = sn.RandomLeftLocation(), sn.GaussianNoise2D((0.5, 0.0), 0.14)
     here = sn.Mixture([left, right], [0.25, 0.75])
     there = sn.Mixture([sn.Affine(left, shift=(0.3, 0.4)), sn.Affine(right, shift=(0.3, 0.4))], [0.25, 0.75])
     estimate = here.w2_estimate(there)
