@@ -6,7 +6,7 @@ values of that older policy, so the loss stays PPO's. This is faster where netwo
 
 import copy
 from collections.abc import Mapping
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from typing import Any
 
@@ -26,7 +26,6 @@ class AsyncCollector:
         num_steps: of each environment, per collection.
         device: where policy and rollouts live. On a GPU the collection has a stream of its own.
         joins_trials: as of :class:`experiments.collection.collector.Collector`.
-        executor: carries out the collections; None makes a thread.
     """
 
     def __init__(
@@ -36,14 +35,13 @@ class AsyncCollector:
         num_steps: int,
         device: torch.device,
         joins_trials: bool = False,
-        executor: Executor | None = None,
     ) -> None:
         self.policy = policy
         # Without gradients also because autocast would share its casts of the weights between threads.
         self.behaviour = copy.deepcopy(policy).requires_grad_(False)
         self.collector = Collector(env, self.behaviour, num_steps, device, joins_trials, storages=2)
         # MKL keeps a number of threads for each thread that calls it, and sums in another order where it is another number.
-        self.executor = executor or ThreadPoolExecutor(
+        self.executor = ThreadPoolExecutor(
             1, "collect", initializer=torch.set_num_threads, initargs=(torch.get_num_threads(),)
         )
         self.stream = torch.cuda.Stream(device) if device.type == "cuda" else None

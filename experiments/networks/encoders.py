@@ -78,15 +78,15 @@ def precision_of(name: str, device: str = "cpu") -> torch.dtype:
 
 
 class MLP(nn.Module):
-    """Vectors float32 [..., d] -> representation [..., widths[-1]]: dense layers with ReLU (or tanh) after each.
+    """Vectors float32 [..., d] -> representation [..., widths[-1]]: dense layers with ReLU after each.
 
     With widths 256 and 256: 256 d + 66 048 parameters.
     """
 
-    def __init__(self, inputs: int, widths: tuple[int, ...], activation: type[nn.Module] = nn.ReLU) -> None:
+    def __init__(self, inputs: int, widths: tuple[int, ...]) -> None:
         super().__init__()
         sizes = (inputs, *widths)
-        layers = [m for a, b in pairwise(sizes) for m in (nn.Linear(a, b), activation())]
+        layers = [m for a, b in pairwise(sizes) for m in (nn.Linear(a, b), nn.ReLU())]
         self.layers = nn.Sequential(*layers)
         self.width = widths[-1]
 

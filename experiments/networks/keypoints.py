@@ -21,6 +21,7 @@ MOVED = 5.0  # factor on movements: between two frames, entities move by a small
 TINY = 1e-30
 COLOURS = 3
 FILTERS = 16  # whose points are found
+OUTPUTS = 256  # of the dense layers
 STRIDE = 4  # of the first layer, whose kernel is two strides wide
 
 
@@ -34,7 +35,7 @@ class Keypoints(nn.Module):
 
     places: Tensor  # [cells, 3]: x and y of each cell of the map, and 1; no buffer, which functional modules take for a weight
 
-    def __init__(self, height: int, width: int, depth: int, outputs: int = 256) -> None:
+    def __init__(self, height: int, width: int, depth: int) -> None:
         super().__init__()
         self.stack = depth // COLOURS if depth % COLOURS == 0 else depth
         self.first = FrameConv(depth // self.stack, 16, 2 * STRIDE, STRIDE)
@@ -45,7 +46,7 @@ class Keypoints(nn.Module):
         y, x = torch.meshgrid(torch.linspace(-1, 1, rows), torch.linspace(-1, 1, columns), indexing="ij")
         self.places = torch.stack([x.flatten(), y.flatten(), torch.ones(rows * columns)], 1)
         points = 2 * FILTERS * self.stack
-        self.dense = nn.Sequential(nn.Linear(points, outputs), nn.ReLU(), nn.Linear(outputs, outputs), nn.ReLU())
+        self.dense = nn.Sequential(nn.Linear(points, OUTPUTS), nn.ReLU(), nn.Linear(OUTPUTS, OUTPUTS), nn.ReLU())
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Keypoints:
         super()._apply(fn, recurse)

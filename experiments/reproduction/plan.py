@@ -3,7 +3,6 @@
 import dataclasses
 import socket
 import statistics
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -11,7 +10,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from experiments.evaluation.probing import ProbeConfig, read_about
+from experiments.evaluation.probing import ProbeConfig
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
 from experiments.levels.builders import Prepared
 from experiments.reproduction.checks import (
@@ -38,8 +37,7 @@ from experiments.runs.run_folder import (
     run_folders,
     runs_root,
 )
-from experiments.settings import ConfigError, RunConfig, RunFolderError, ScaleConfig, as_data, grid_point
-from experiments.settings.run import digest
+from experiments.settings import ConfigError, RunConfig, RunFolderError, ScaleConfig, grid_point
 from segar.cli import table
 from segar.levels import REST, SEPARATOR
 from segar.support import counted
@@ -48,10 +46,9 @@ from segar.support import counted
 ASSUMED_SPEED = {
     "state": 6000.0, "pixels": 1800.0, "auxiliary": 900.0, "recurrent": 700.0, "impala": 250.0, "off-policy": 40.0,
 }  # fmt: skip
-ASSUMED_EVALUATION = 8.0  # [s] per run
-ASSUMED_PREPARATION = 5.0  # [s] per run, where its kernel is compiled already
+ASSUMED_BESIDE = 13.0  # [s] per run for preparation, where its kernel is compiled already, and evaluation
 ASSUMED_PROBING = 60.0  # [s] per run
-TRANSFER_SHARE = 0.5  # of a run's evaluation, which has two level sets instead of one
+TRANSFER_SHARE = 0.3  # of that: a run's evaluation has two level sets instead of one
 STUDY_SECONDS = 30.0
 
 
@@ -253,19 +250,17 @@ def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
 
 @dataclass(frozen=True)
 class Speeds:
-    """Frames per second and seconds of evaluation, measured on runs of this machine as far as there are any."""
+    """Frames per second, and the seconds that runs take beside training, measured on runs of this machine as far as there are
+    any."""
 
     frames: Mapping[tuple[str, str], float]  # by algorithm and observation
-    evaluation: Mapping[tuple[str, str], float]
+    beside: Mapping[tuple[str, str], float]  # for preparation and evaluation
     measured: int  # runs
-    probing: Mapping[tuple[str, str, str], float] = field(default_factory=dict)  # seconds; also by the probes' settings
-    preparation: Mapping[tuple[str, str], float] = field(default_factory=dict)  # seconds before the first frame
 
     def seconds(self, work: RunTask) -> float:
         """How long the rest of a run takes, in seconds, if it runs alone."""
-        evaluation = self.evaluation.get(kind_of(work.run), ASSUMED_EVALUATION)
-        left = len(work.transfers_left()) * TRANSFER_SHARE * evaluation
-        left += self.seconds_of_probes(work)
+        left = len(work.transfers_left()) * TRANSFER_SHARE * self.beside.get(kind_of(work.run), ASSUMED_BESIDE)
+        left += ASSUMED_PROBING * work.needs_probing()
         if is_finished(folder_path(work.run)) and not work.is_anew():
             return left
         return left + self.seconds_of_run(work.run, work.frames_left())
@@ -273,8 +268,7 @@ class Speeds:
     def seconds_of_run(self, run: RunConfig, frames: int) -> float:
         """How long a run takes for its preparation, so many frames, and its evaluation, in seconds."""
         kind = kind_of(run)
-        fixed = self.preparation.get(kind, ASSUMED_PREPARATION) + self.evaluation.get(kind, ASSUMED_EVALUATION)
-        return fixed + frames / self.frames.get(kind, assumed_speed(run))
+        return self.beside.get(kind, ASSUMED_BESIDE) + frames / self.frames.get(kind, assumed_speed(run))
 
     def basis(self, runs: Iterable[RunConfig]) -> str:
         """What the times of these runs were measured on, in words."""
@@ -283,12 +277,6 @@ class Speeds:
             return f"by {counted(self.measured, 'finished run')} here"
         named = f" for {', '.join('/'.join(kind) for kind in sorted(unknown))}" if self.measured else ""
         return f"by assumed speeds{named}, and without the time in which new kernels are compiled"
-
-    def seconds_of_probes(self, work: RunTask) -> float:
-        """How long the probes of a run take, in seconds; 0 where they are done or not wanted."""
-        if work.probes is None or not work.needs_probing():
-            return 0.0
-        return self.probing.get((*kind_of(work.run), digest(as_data(work.probes))), ASSUMED_PROBING)
 
 
 def assumed_speed(run: RunConfig) -> float:
@@ -306,36 +294,21 @@ def assumed_speed(run: RunConfig) -> float:
 
 
 def measure_speeds(root: Path) -> Speeds:
-    """The medians over the finished runs under ``root`` that this machine made."""
+    """The medians over the finished runs under ``root`` that this machine made in one go."""
     frames: dict[tuple[str, str], list[float]] = {}
-    evaluation: dict[tuple[str, str], list[float]] = {}
-    probing: dict[tuple[str, str, str], list[float]] = {}
-    preparation: dict[tuple[str, str], list[float]] = {}
+    beside: dict[tuple[str, str], list[float]] = {}
     for folder in run_folders(root):
-        if not is_finished(folder):
-            continue
         journal = read_journal(folder)
-        if {entry.get("host") for entry in journal if "host" in entry} != {socket.gethostname()}:
+        in_one_go = [entry["event"] for entry in journal] == ["started", "finished"]
+        if not (in_one_go and journal[0].get("host") == socket.gethostname() and is_finished(folder)):
             continue
         summary, kind = read_summary(folder), kind_of(read_config(folder))
         if summary.get("seconds"):
+            begun, ended = (datetime.fromisoformat(entry["time"]) for entry in journal)
             frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
-        if "evaluation_seconds" in summary:
-            evaluation.setdefault(kind, []).append(summary["evaluation_seconds"])
-            if [entry["event"] for entry in journal] == ["started", "finished"]:
-                begun, ended = (datetime.fromisoformat(entry["time"]) for entry in journal)
-                took = (ended - begun).total_seconds() - summary["seconds"] - summary["evaluation_seconds"]
-                preparation.setdefault(kind, []).append(max(took, 0.0))
-        about = read_about(folder)
-        if about is not None:
-            probing.setdefault((*kind, digest(about["asked"])), []).append(about["seconds"])
-    measured = sum(map(len, frames.values()))
-    return Speeds(medians(frames), medians(evaluation), measured, medians(probing), medians(preparation))
-
-
-def medians(found: Mapping[Any, Sequence[float]]) -> dict[Any, float]:
-    """The median of each list."""
-    return {kind: statistics.median(values) for kind, values in found.items()}
+            beside.setdefault(kind, []).append(max((ended - begun).total_seconds() - summary["seconds"], 0.0))
+    medians = ({kind: statistics.median(values) for kind, values in found.items()} for found in (frames, beside))
+    return Speeds(*medians, sum(map(len, frames.values())))
 
 
 def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: ScaleConfig) -> str:
@@ -362,11 +335,10 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
     waiting = [work for work in plan.runs if not work.is_done()]
     studies = [study for study in plan.studies if not is_study_done(study)]
     total = sum(map(speeds.seconds, waiting)) + STUDY_SECONDS * len(studies)
-    probing = sum(map(speeds.seconds_of_probes, waiting)) / processes
     closing = (
         f"{scale.name}: {counted(len(plan.runs), 'run')}, {len(plan.runs) - len(waiting)} done, {len(waiting)} to do with "
-        f"{sum(map(RunTask.frames_left, waiting)):,} frames, {sum(map(RunTask.needs_probing, waiting))} to probe"
-        f"{f' ({in_minutes(probing)})' if probing else ''}; {len(studies)} of {len(plan.studies)} studies to do; "
+        f"{sum(map(RunTask.frames_left, waiting)):,} frames, {sum(map(RunTask.needs_probing, waiting))} to probe; "
+        f"{len(studies)} of {len(plan.studies)} studies to do; "
         f"about {in_minutes(total / processes)} with {processes} at a time ({speeds.basis(work.run for work in waiting)})."
     )
     idle = [work.run.label() for work in waiting if work.run.takes_no_step()]
@@ -375,7 +347,7 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
         " algorithm.anneal lowers the learning rate to 0 in the last one. Give more frames, or algorithm.anneal=false"
     ) if idle else ""  # fmt: skip
     claims = (line for one in plan.experiments for line in untestable_claims(one, plan.members[one.name]))
-    more = (*sharing(waiting, processes), *claims, warning, plan.other_code)
+    more = (*claims, warning, plan.other_code)
     return "\n".join([table(head, rows), closing, *filter(None, more)])
 
 
@@ -387,17 +359,6 @@ def sweep_as_text(runs: Sequence[RunConfig], number: int, speeds: Speeds) -> str
         f"sweep: {counted(number, 'run')} of {frames:,.0f} frames, in {runs_root(runs[0])}; about {in_minutes(seconds)}, one"
         f" after the other ({speeds.basis(runs)}). Those that finished before are not trained again"
     )
-
-
-def sharing(waiting: Sequence[RunTask], processes: int) -> list[str]:
-    """A sentence for each GPU that several of the waiting runs compute on at the same time."""
-    devices = Counter(getattr(work.run.algorithm, "device", "cpu") for work in waiting)
-    return [
-        f"{count} runs compute on {device}, up to {min(processes, count)} at a time: each process has a context and memory of"
-        " its own there. Give processes=1, or a smaller number, if the GPU's memory is too small for them."
-        for device, count in devices.items()
-        if device != "cpu" and min(processes, count) > 1
-    ]
 
 
 def kind_of(run: RunConfig) -> tuple[str, str]:

@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,22 +28,16 @@ def prints_in(path: Path) -> frozenset[bytes]:
     """:func:`prints_of` of the levels in a file; empty where there is none. Raises :class:`RunFolderError` if it is damaged."""
     if not path.exists():
         return frozenset()
-    about = path.stat()
-    return _in_file(path, about.st_mtime_ns, about.st_size)
-
-
-def share_of(some: frozenset[bytes], others: frozenset[bytes]) -> float:
-    """The share of some levels that are among others, 0 to 1; 0 of none."""
-    return len(some & others) / len(some) if some else 0.0
-
-
-@cache
-def _in_file(path: Path, _time: int, _size: int) -> frozenset[bytes]:
     # Levels.load would need the entity types, which the user's modules define.
     forms = {name: Form(None, ("n", ...)) for name in CONTENT}
     forms |= {"vertices": Form(None, ("n", "E", "V", 2)), "vertex_count": Form(None, ("n", "E"))}
     with open_npz(path, "level file", RunFolderError) as npz:
         return _prints(npz.read(forms))
+
+
+def share_of(some: frozenset[bytes], others: frozenset[bytes]) -> float:
+    """The share of some levels that are among others, 0 to 1; 0 of none."""
+    return len(some & others) / len(some) if some else 0.0
 
 
 def _prints(arrays: Mapping[str, Any]) -> frozenset[bytes]:

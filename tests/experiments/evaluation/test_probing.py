@@ -194,10 +194,10 @@ def test_the_plan_counts_runs_to_probe_and_does_the_rest_of_a_finished_run(tmp_p
     write_run(first.run)
     assert not first.is_done()
     said = as_text(plan, measure_speeds(tmp_path), 1, base.scale)
-    assert said.splitlines()[2].split()[-2] == "18" and "18 to probe (" in said
+    assert said.splitlines()[2].split()[-2] == "18" and "18 to probe;" in said
     probe_finished(first.run, ASKED)
     assert first.is_done()
-    assert "17 to probe (" in as_text(plan, measure_speeds(tmp_path), 1, base.scale)
+    assert "17 to probe;" in as_text(plan, measure_speeds(tmp_path), 1, base.scale)
 
 
 @pytest.mark.parametrize(

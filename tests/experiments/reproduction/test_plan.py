@@ -8,10 +8,10 @@ import pytest
 
 from experiments.levels.builders import Prepared
 from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds, sharing
+from experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds
 from experiments.runs.executed_code import executed_code
 from experiments.runs.run_folder import CHECKPOINT, JOURNAL, SUMMARY, folder_path, write_json
-from experiments.settings import ConfigError, PPOConfig, ScaleConfig
+from experiments.settings import ConfigError, ScaleConfig
 from tests.synthetic_runs import settings, write_run
 
 SCALE = ScaleConfig(name="quick", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
@@ -185,7 +185,7 @@ def test_speeds_are_medians_of_what_this_machine_ran(tmp_path):
         plan.runs, (1.0, 2.0, 4.0, 100.0), [socket.gethostname()] * 3 + ["other"], strict=True
     ):
         folder = write_run(work.run)
-        write_json(folder / SUMMARY, {"frames": 1000, "seconds": seconds, "evaluation_seconds": 5.0})
+        write_json(folder / SUMMARY, {"frames": 1000, "seconds": seconds})
         events = [
             ("started", "2026-01-01T12:00:00+00:00"),
             ("finished", f"2026-01-01T12:00:{int(seconds) % 60 + 8:02}+00:00"),
@@ -196,8 +196,7 @@ def test_speeds_are_medians_of_what_this_machine_ran(tmp_path):
     kind = (plan.runs[0].run.algorithm.name, plan.runs[0].run.observation.name)
     assert (speeds.measured, speeds.frames[kind]) == (3, 500.0)
     fresh = dataclasses.replace(plan.runs[0], run=dataclasses.replace(plan.runs[0].run, seed=9))
-    assert speeds.preparation[kind] == 3.0
-    assert speeds.seconds(fresh) == pytest.approx(3 + 1000 / 500 + 5)
+    assert speeds.seconds(fresh) == pytest.approx(8 + 1000 / 500)
     assert speeds.basis([fresh.run]) == "by 3 finished runs here"
 
 
@@ -225,18 +224,3 @@ def test_a_plan_tells_runs_that_stay_untrained(tmp_path):
     assert "warning: 4 runs stay untrained, such as empty-" in text
     longer = plan_of(tmp_path, main={**MAIN, "grid": {"algorithms": ["ppo_fast"], "frames": 10**6}})
     assert "untrained" not in as_text(longer, Speeds({}, {}, 0), 1, SCALE)
-
-
-def test_a_plan_tells_runs_that_share_a_gpu(tmp_path):
-    plan = plan_of(tmp_path, main=MAIN)
-    runs = [
-        dataclasses.replace(
-            work, run=dataclasses.replace(work.run, algorithm=PPOConfig(device=device, precision="fp32"))
-        )
-        for work, device in zip(plan.runs, ("cpu", "cuda:1", "cuda:1", "cuda"), strict=True)
-    ]
-    (line,) = sharing(runs, 3)
-    assert line.startswith("2 runs compute on cuda:1, up to 2 at a time: each process has a context and memory")
-    assert sharing(runs, 1) == []
-    on_gpu = dataclasses.replace(plan, members={"main": tuple(runs)}, runs=tuple(runs))
-    assert line in as_text(on_gpu, Speeds({}, {}, 0), 3, SCALE)
