@@ -229,7 +229,7 @@ def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:
 def with_level_sets(runs: pd.DataFrame) -> pd.DataFrame:
     """The rows with ``level_set`` and ``levels_shared``, where :func:`for_study` has them; ``folder`` holds the levels."""
     seeds = runs["levels.seed"].fillna(runs["seed"]) if "levels.seed" in runs else runs["seed"]
-    sets, shares = training_sets(runs), [shared_levels(part) for _, part in runs.groupby(["family", "n"])]
+    sets, shares = training_sets(runs), [shared_levels(part) for _, part in runs.groupby(["family", "n"], dropna=False)]
     least = pd.Series(seeds).groupby(sets).transform("min").to_numpy(np.int64)
     if np.any(least != np.asarray(seeds)):
         runs = runs.assign(level_set=least)

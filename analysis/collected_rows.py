@@ -101,7 +101,7 @@ def transfer_row(
 
 def level_rows(episodes: pa.Table, place: Mapping[str, Any]) -> pd.DataFrame:
     """Means over the episodes on each level: ``return``, ``return_ref``, ``length``, ``success``, ``death``, ``episodes``."""
-    groups = episodes.to_pandas().groupby(["levels", "action_mode", "level"], sort=True)
+    groups = episodes.to_pandas().groupby(["levels", "action_mode", "level"], sort=True, dropna=False)
     means = cast(pd.DataFrame, groups[["return", "return_ref", "length", "success", "death"]].mean())
     table = means.assign(episodes=groups.size()).reset_index()
     for position, name in enumerate(("run", "test")):

@@ -23,7 +23,7 @@ def causes_in(episodes: pd.DataFrame) -> pd.DataFrame:
         episodes: of :meth:`experiments.benchmarking.row.Row.results`, one on each test level and twin.
     """
     lines = []
-    for (name, seed), part in episodes.groupby(["suite", "seed"], sort=False):  # type: ignore[misc]
+    for (name, seed), part in episodes.groupby(["suite", "seed"], sort=False, dropna=False):  # type: ignore[misc]
         on_level = select(part, levels="test").set_index("level")["success"]
         for played in (one for one in dict.fromkeys(part["levels"]) if one.startswith((TWIN, CONTROL))):
             on_twin = select(part, levels=played).set_index("level")["success"]
@@ -57,5 +57,5 @@ def effects_on(name: str, causes: pd.DataFrame) -> pd.DataFrame:
     """The effect of each group on each row that played the twins of a suite, mean over seeds: columns ``row``, ``group``,
     ``differs``, ``effect``, ``effect_low``, ``effect_high``, ``runs``."""
     of_suite = keep(causes, causes["suite"] == name)
-    found = [profile_of_causes(part).assign(row=row) for row, part in of_suite.groupby("row", sort=True)]
+    found = [profile_of_causes(part).assign(row=row) for row, part in of_suite.groupby("row", sort=True, dropna=False)]
     return pd.concat(found, ignore_index=True)

@@ -176,7 +176,7 @@ def causes_text(causes: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> st
     rows = sorted({row for effects in found.values() for row in effects["row"]})
     lines = []
     for name, effects in found.items():
-        for (group, differs), part in effects.groupby(["group", "differs"], sort=False):  # type: ignore[misc]
+        for (group, differs), part in effects.groupby(["group", "differs"], sort=False, dropna=False):  # type: ignore[misc]
             of = {one["row"]: one for one in part.to_dict("records")}
             cells = [interval(_as_estimate(of[row])) if row in of else "–" for row in rows]
             lines.append([name, f"**{group}**" if differs else group, *cells])

@@ -77,10 +77,10 @@ class LevelMeans:
 
     def __init__(self, row: Row) -> None:
         episodes = row.results().to_pandas()
-        means = episodes.groupby(["suite", "seed", "levels", "level"])[["return", "success"]].mean()
+        means = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]].mean()
         self.returns: dict[tuple[str, int, str], Floats] = {}
         self.successes: dict[tuple[str, int, str], Floats] = {}
-        for key, part in means.groupby(level=[0, 1, 2]):
+        for key, part in means.groupby(level=[0, 1, 2], dropna=False):
             self.returns[key], self.successes[key] = part.to_numpy(np.float64).T  # type: ignore[index]
         self.hashes = {
             (piece.suite, piece.seed, side): digits for piece in row.pieces for side, digits in piece.levels.items()
@@ -108,8 +108,8 @@ def complete(table: pd.DataFrame, suites: Sequence[str]) -> pd.DataFrame:
     """The lines on these suites of rows that did all of them with each of their seeds, with scores."""
     kept = keep(table, table["suite"].isin(list(suites)) & table["score"].notna())
     whole: list[pd.DataFrame] = []
-    for _, part in kept.groupby("row", sort=False):
-        seeds = [set(one["seed"]) for _, one in part.groupby("suite")]
+    for _, part in kept.groupby("row", sort=False, dropna=False):
+        seeds = [set(one["seed"]) for _, one in part.groupby("suite", dropna=False)]
         shared = set.intersection(*seeds)
         if len(seeds) == len(suites) and shared:
             whole.append(keep(part, part["seed"].isin(list(shared))))
@@ -174,5 +174,5 @@ def seed_spreads(table: pd.DataFrame, names: Sequence[str], quantity: str) -> pd
     """The standard deviation over seeds on each suite: its root mean square over the rows that are no players."""
     part = complete(table, names)
     part = part.loc[~part["row"].isin(list(PLAYERS))]
-    variance = part.groupby(["row", "suite"])[quantity].var().dropna()
-    return np.sqrt(variance.groupby("suite").mean())  # type: ignore[return-value]
+    variance = part.groupby(["row", "suite"], dropna=False)[quantity].var().dropna()
+    return np.sqrt(variance.groupby("suite", dropna=False).mean())  # type: ignore[return-value]

@@ -15,14 +15,14 @@ from analysis.collect import CURVES, MISSING
 from analysis.plotting import style
 from analysis.plotting.names import word_for
 from analysis.report.rules import GATE_MARGIN
-from analysis.stats.association import labels
+from analysis.stats.association import keys, labels
 from analysis.tables import Floats, column, keep, read_frame, select
 from experiments.reproduction.experiment_file import PLAN
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
 from experiments.runs.files import read_json
 from experiments.runs.run_folder import PROBES
 from experiments.settings import RunFolderError
-from segar.errors import did_you_mean
+from segar.errors import SegarError, did_you_mean
 
 STUDIES = "studies"
 PANEL = ("family", "difficulty")
@@ -32,6 +32,7 @@ REQUIRED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "v
           "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic",
           "success_train_deterministic", "success_test_deterministic", "episodes_train_deterministic",
           "episodes_test_deterministic")  # fmt: skip
+WHOSE = ("run", *BLOCK, "n", "algorithm")  # which no run may lack: means are over runs of one kind
 ETA = "eta_test_deterministic"
 LESS_REGRET = "less_regret"
 TEST_COLUMNS = ("test_family", "test_difficulty", "test_variation", "test_observation", "test_changed", "test_groups")
@@ -109,7 +110,7 @@ class Results:
         parts = [tables["training_sets"] for tables in self.studies.values() if "training_sets" in tables]
         if not parts:
             return runs
-        return runs.merge(pd.concat(parts), on=["family", "difficulty", "n", "seed", "design"], how="left")
+        return runs.merge(pd.concat(parts).drop_duplicates(), on=[*BLOCK, "n", "design"], how="left", validate="m:1")
 
     @cached_property
     def panels(self) -> list[str]:
@@ -180,7 +181,7 @@ class Results:
         if self.missing is None or "experiment" not in self.missing:
             return {}
         found = {}
-        for title, part in self.missing.groupby("experiment", sort=False):
+        for title, part in self.missing.groupby("experiment", sort=False, dropna=False):
             unfinished = set(part.loc[part["reason"].isin(["not begun", "not finished"]), "run"])
             found[str(title)] = len(unfinished), len({*part["run"]} - unfinished)
         return dict(sorted(found.items(), key=lambda one: -sum(one[1])))
@@ -193,8 +194,8 @@ class Results:
 
 
 def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
-    """The tables in ``folder``; raises :class:`RunFolderError` if there is no table of runs, or it has not the ``required``
-    columns."""
+    """The tables in ``folder``; raises :class:`RunFolderError` if there is no table of runs, it has not the ``required``
+    columns, or a run does not say what it belongs to."""
     if not (folder / RUNS).exists():
         raise RunFolderError(
             f"{folder} holds no {RUNS}. Name a folder of tables, such as docs/results/quick, or have them made: python "
@@ -206,6 +207,10 @@ def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
     for name in required:
         if name not in runs:
             raise RunFolderError(f"{folder / RUNS} has no column '{name}'.{did_you_mean(name, map(str, runs.columns))}")
+    try:
+        keys(runs, [name for name in WHOSE if name in runs])
+    except SegarError as error:
+        raise RunFolderError(f"{folder / RUNS}: {error}") from error
     tables = [optional(folder / name) for name in (TRANSFERS, CURVES, PROBES)]
     missing = read_frame(folder / MISSING) if (folder / MISSING).exists() else None
     studies: dict[str, dict[str, pd.DataFrame]] = {}

@@ -69,7 +69,7 @@ def associations(
     found = pd.DataFrame(rows)
     found["p_holm"] = np.nan
     within = found["test"] == "within"
-    for _, group in found[within].groupby(["method", "outliers"]):
+    for _, group in found[within].groupby(["method", "outliers"], dropna=False):
         found.loc[group.index, "p_holm"] = holm(np.asarray(group["p"]))
     return pd.DataFrame({name: found[name] for name in ASSOCIATION_COLUMNS})
 

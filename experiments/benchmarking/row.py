@@ -287,7 +287,9 @@ def _without(episodes: pa.Table, keys: set[tuple[str, int]]) -> pa.Table:
 
 def means_of(episodes: pa.Table) -> pa.Table:
     """The mean return and the mean success on each level, in the order in which the levels were played."""
-    found = episodes.to_pandas().groupby(list(LEVEL), sort=False)[["return", "success"]].mean().reset_index()
+    found = (
+        episodes.to_pandas().groupby(list(LEVEL), sort=False, dropna=False)[["return", "success"]].mean().reset_index()
+    )
     return pa.Table.from_pandas(found, preserve_index=False).replace_schema_metadata(None)
 
 

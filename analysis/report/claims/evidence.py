@@ -214,7 +214,7 @@ class Evidence:
             return pd.DataFrame()
         runs = {row["run"]: row for row in measured(self.results.runs).to_dict("records")}
         parts = []
-        for _, tests in between.groupby(["run", "test_groups"], sort=True):
+        for _, tests in between.groupby(["run", "test_groups"], sort=True, dropna=False):
             run, names = (tests[name].iloc[0] for name in ("run", "test_groups"))
             groups = [*str(names).split(SEPARATOR), REST]
             played = {frozenset(str(changed).split(SEPARATOR)): value

@@ -112,12 +112,13 @@ def all_rule_set_runs(evidence: Evidence) -> pd.DataFrame:
     if runs.empty:
         return runs
     parts = runs["design"].astype(str).str.extract(r"^rule_sets_(?P<number>\d+)(?:_(?P<chosen>near|far))?$")
+    runs, parts = (keep(one, parts["number"].notna()) for one in (runs, parts))
     number = parts["number"].astype(float)
     found = runs.assign(rule_sets=number, log_rule_sets=np.log(number), chosen=parts["chosen"].fillna(""))
     study = evidence.results.studies.get("rule_set_distances", {}).get("rule_sets", pd.DataFrame())
     if study.empty:
         return found.assign(dynamics_w2=np.nan)
-    return found.merge(study[[*OF_SET, "dynamics_w2"]], on=list(OF_SET), how="left")
+    return found.merge(study[[*OF_SET, "dynamics_w2"]], on=list(OF_SET), how="left", validate="m:1")
 
 
 def rule_set_runs(evidence: Evidence) -> pd.DataFrame:

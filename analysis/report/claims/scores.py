@@ -47,8 +47,8 @@ def scored(results: Results, experiment: str) -> pd.DataFrame | str:
 
 def complete(runs: pd.DataFrame) -> pd.DataFrame:
     """The runs of the seeds that have one run of each algorithm in each cell."""
-    wanted = count_of(runs, "algorithm") * len(runs.groupby(list(CELLS)))
-    places = {seed: keys(of_seed, ["algorithm", *CELLS]) for seed, of_seed in runs.groupby("seed")}
+    wanted = count_of(runs, "algorithm") * len(runs.groupby(list(CELLS), dropna=False))
+    places = {seed: keys(of_seed, ["algorithm", *CELLS]) for seed, of_seed in runs.groupby("seed", dropna=False)}
     seeds = [seed for seed, there in places.items() if len(there) == len(set(there)) == wanted]
     return keep(runs, runs["seed"].isin(seeds))
 

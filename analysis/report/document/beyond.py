@@ -58,7 +58,7 @@ def runs_compared(evidence: Evidence, experiment: str) -> str:
     runs = scored(evidence.all_results, experiment)
     if isinstance(runs, str):
         return runs
-    algorithms, seeds, cells = (len(runs.groupby(list(by))) for by in (("algorithm",), ("seed",), CELLS))
+    algorithms, seeds, cells = (len(runs.groupby(list(by), dropna=False)) for by in (("algorithm",), ("seed",), CELLS))
     text = f"{algorithms} algorithms with {len(runs) // algorithms} runs each, of {seeds} seeds in {cells} cells"
     lost = len(evidence.all_results.of(experiment)) - len(runs)
     return text + (f"; {lost} runs of seeds that lack others are left out" if lost else "")
@@ -81,7 +81,7 @@ def contrasts(evidence: Evidence, runs: pd.DataFrame) -> Table:
     compared = {"matched-w2": "farther less not farther in W2", "matched-coverage": "worse less not worse coverage"}
     for claim, words in compared.items():
         (test,) = stated(claim, METRIC_OURS, runs)
-        for n, part in differences(runs, test.of, test.between, test.same).groupby("n", sort=True):
+        for n, part in differences(runs, test.of, test.between, test.same).groupby("n", sort=True, dropna=False):
             of_family = {word_for(name): select(part, family=name) for name in dict.fromkeys(part["family"])}
             for place, some in {"all": part, **of_family}.items():
                 found = evidence.mean(some)
@@ -114,7 +114,7 @@ def shifts(evidence: Evidence, part: pd.DataFrame, tested: str) -> list[Block]:
     found = means(evidence, named.assign(levels=named["n"]), ["trained", tested, "levels"], "difference")
     counts = sorted({*found["levels"]})
     rows = []
-    for (trained, there), some in found.groupby(["trained", tested], sort=True):  # type: ignore[misc]
+    for (trained, there), some in found.groupby(["trained", tested], sort=True, dropna=False):  # type: ignore[misc]
         of_n = {row["levels"]: effect(Estimate.of_row(row)) for row in some.to_dict("records")}
         cells = (" ".join(text for text in of_n.get(n, ()) if text != NONE) or NONE for n in counts)
         rows.append([str(trained), str(there), *cells, listed(some["n"])])

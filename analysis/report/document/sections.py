@@ -258,7 +258,7 @@ def what_was_run(evidence: Evidence) -> list[Block]:
     runs = evidence.all_results.runs
     named = runs.assign(experiment=runs["experiments"].str.split()).explode("experiment")
     rows = []
-    for name, part in named.groupby("experiment", sort=True):
+    for name, part in named.groupby("experiment", sort=True, dropna=False):
         hours = plain(float(column(part, "hours").sum()), 1) if "hours" in part else ""
         rows.append([
             f"`{name}`", listed(part["algorithm"]), listed(part["observation"]).replace("(", " ("), str(len(part)),
@@ -282,11 +282,16 @@ def versions(named: pd.DataFrame) -> list[Block]:
     """Libraries, commits and fingerprints of the code, of runs with a row for each ``experiment`` that they belong to."""
     if "code" not in named:
         return []
-    unknown = {"libraries": "", "commit": "", "computed_with": ""}  # of runs that older tables tell of
+    unknown = {
+        "libraries": "",
+        "commit": "",
+        "computed_with": "",
+        "code": "unknown",
+    }  # of runs that older tables tell of
     named = named.assign(**{name: "" for name in unknown if name not in named}).fillna(unknown)
     made = ". Others: ".join(sorted(set(named["libraries"]) - {""}))
     rows = []
-    for code, part in named.groupby("code", sort=True):
+    for code, part in named.groupby("code", sort=True, dropna=False):
         shortened = {commit[:9] + "+" * commit.endswith("+") for commit in part["commit"] if commit}
         commits = ", ".join(f"`{commit}`" for commit in sorted(shortened))
         rows.append([f"`{code}`", commits, listed(part["experiment"]), str(count_of(part, "run"))])

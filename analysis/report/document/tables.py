@@ -50,7 +50,7 @@ def statistics(evidence: Evidence) -> dict[str, pd.DataFrame]:
 def cells(main: pd.DataFrame) -> pd.DataFrame:
     """One row per family, difficulty and n: means over seeds."""
     shown = [name for name in CELL_COLUMNS if name in main]
-    seeds = main.groupby([*PANEL, "n"], sort=True).size()
+    seeds = main.groupby([*PANEL, "n"], sort=True, dropna=False).size()
     return mean_by(main, [*PANEL, "n"], shown).assign(seeds=np.asarray(seeds))
 
 
@@ -64,7 +64,7 @@ def main_table(evidence: Evidence) -> Table:
     by = ["w2", "gap", "test"]
     permuted = select(evidence.resampled, way=PERMUTATION)
     permuted = pick(permuted.assign(permuted=permuted["p"]), [*by, "permuted"])
-    found = select(evidence.resampled, way=BLOCKS).merge(permuted, on=by, how="left")
+    found = select(evidence.resampled, way=BLOCKS).merge(permuted, on=by, how="left", validate="1:1")
     return correlation_table(found, {"test": "test"}, "main", permuted="p, permuted")
 
 
@@ -124,7 +124,7 @@ def gate_table(evidence: Evidence) -> Table:
 def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], value: str) -> pd.DataFrame:
     """Mean of a column per group, with the interval of blocks."""
     rows = []
-    for key, part in table.groupby(list(group), sort=True):
+    for key, part in table.groupby(list(group), sort=True, dropna=False):
         found = evidence.mean(part, value)
         rows.append(found.row(**dict(zip(group, key if isinstance(key, tuple) else (key,), strict=True))))
     return pd.DataFrame(rows)

@@ -114,7 +114,7 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
     )
     numbered = select(table, chosen="")
     for k, (axes, value, label, least) in enumerate(players):
-        parts = [(int(number), column(part, value)) for number, part in numbered.groupby("rule_sets")]  # type: ignore[arg-type]
+        parts = [(int(number), column(part, value)) for number, part in numbered.groupby("rule_sets", dropna=False)]  # type: ignore[arg-type]
         means = pd.DataFrame(
             [mean_of_units(values, "runs", least, 1.0).row(rule_sets=number) for number, values in parts]
         )
@@ -185,7 +185,7 @@ def hardness(evidence: Evidence) -> Drawn | str:
         agents = runs.assign(conditions=number.fillna("0").astype(float), success=runs[SUCCESS])
         means = [
             mean_of_units(column(one, "success"), "runs", 0.0, 1.0).row(conditions=n)
-            for n, one in agents.groupby("conditions")
+            for n, one in agents.groupby("conditions", dropna=False)
         ]
         parts.append(pd.DataFrame(means).rename(columns={"estimate": "success"}).assign(player="agents"))
     table = pd.concat(parts, ignore_index=True)
@@ -210,7 +210,9 @@ def upper_bound(evidence: Evidence) -> Drawn | str:
         return "it was not run (`experiments=[upper_bound]`)"
     both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
     table = pick(both, [*CELL, "sees", SUCCESS, "gap"])
-    table = keep(table, column(table.assign(kinds=table.groupby(CELL)["sees"].transform("nunique")), "kinds") == 2)
+    table = keep(
+        table, column(table.assign(kinds=table.groupby(CELL, dropna=False)["sees"].transform("nunique")), "kinds") == 2
+    )
     if table.empty:
         return "no agents that see pixels have the levels and seeds of those that see factors"
     named, lines = table.assign(success=table[SUCCESS]), {"factors": "-", "pixels": ":"}

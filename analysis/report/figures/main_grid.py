@@ -151,7 +151,7 @@ def specification_curves(evidence: Evidence) -> Drawn | str:
     for name, words in claims.items():
         axes, part = grid[name], select(table, claim=name).sort_values("estimate", ignore_index=True)
         axes.axvline(0, color="#999999", linewidth=0.8)
-        for outcome, rows_of in part.groupby("outcome"):
+        for outcome, rows_of in part.groupby("outcome", dropna=False):
             look = {"fmt": "o", "color": colours[str(outcome)], "capsize": 2, "markersize": 4}
             axes.errorbar(column(rows_of, "estimate"), rows_of.index, xerr=error_bars(rows_of, "estimate"), **look)
         choices = [

@@ -70,7 +70,7 @@ def opening(study: Study, claims: Sequence[Claim]) -> Iterator[Block]:
 
 def repeated(runs: pd.DataFrame) -> Iterator[Block]:
     """Warnings of what means mix: agents on one level set, few level sets, several versions of the code."""
-    most = max(len(part) for _, part in runs.groupby(["panel", "agent", "n", "seed"]))
+    most = max(len(part) for _, part in runs.groupby(["panel", "agent", "n", "seed"], dropna=False))
     if most > 1:
         yield Paragraph(
             f"Up to {most} agents of a kind share a level set. Intervals are over level sets: more agents on one set do not "
@@ -81,13 +81,13 @@ def repeated(runs: pd.DataFrame) -> Iterator[Block]:
         yield Paragraph(SAME_LEVELS, "warning")
     if "levels_shared" in runs:
         yield Paragraph(SHARED_LEVELS.format(column(runs, "levels_shared").max()), "warning")
-    if "code" in runs and any(part["code"].nunique() > 1 for _, part in runs.groupby(["panel", "agent"])):
+    if "code" in runs and any(part["code"].nunique() > 1 for _, part in runs.groupby(["panel", "agent"], dropna=False)):
         yield Paragraph(
             "Runs of one kind on levels of one panel were made by several versions of the code, which means and claims mix; the"
             " table of versions below lists them. `stale=anew` trains them again by today's.",
             "warning",
         )
-    fewest = min(count_of(part, "seed") for _, part in runs.groupby("panel"))
+    fewest = min(count_of(part, "seed") for _, part in runs.groupby("panel", dropna=False))
     if fewest < FEWEST_BLOCKS:
         yield Paragraph(
             f"Some panels have {fewest} level set{'s' * (fewest != 1)} of a size: of fewer than {FEWEST_BLOCKS} there are no "

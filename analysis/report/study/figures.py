@@ -135,7 +135,7 @@ def in_rounds(rows: pd.DataFrame, width: float) -> pd.DataFrame:
     that are shorter than a window have one row.
     """
     curve = ["panel", "n"]
-    ends = rows.groupby(curve)["frames"].transform("max").to_numpy(np.float64)
+    ends = rows.groupby(curve, dropna=False)["frames"].transform("max").to_numpy(np.float64)
     frames, values, episodes = (column(rows, name) for name in ("frames", "value", "episodes"))
     back = np.floor((ends - frames) / width)
     whole = (back == 0) | ((back + 1) * width <= ends)
@@ -148,8 +148,8 @@ def of_all_runs(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows, one per run and moment, of the moments at which all runs of a curve have one: a mean of others would jump where
     a run comes in."""
     curve = [rows["panel"], rows["n"]]
-    runs = rows.groupby(curve)["run"].transform("nunique")
-    there = rows.groupby([*curve, rows["frames"]])["run"].transform("nunique")
+    runs = rows.groupby(curve, dropna=False)["run"].transform("nunique")
+    there = rows.groupby([*curve, rows["frames"]], dropna=False)["run"].transform("nunique")
     return keep(rows, there == runs)
 
 

@@ -1,9 +1,17 @@
 """What belongs together is told by the values of columns: not by their text joined, and nothing is dropped without a value."""
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.report.claims.evidence import Evidence
+from analysis.report.document.blocks import Table
+from analysis.report.document.sections import versions
+from analysis.report.document.tables import cells, means
+from analysis.report.results import read_results
 from analysis.runs import summarise
 from analysis.stats.association import associations, keys
 from analysis.stats.mixed import mixed_model
@@ -11,8 +19,11 @@ from analysis.stats.prediction import left_out
 from analysis.stats.resampling import cluster_jackknife, permutation_of_blocks
 from analysis.stats.scores import aggregates, probability_of_improvement
 from analysis.tables import mean_by
+from experiments.settings import RunFolderError
 from segar.errors import SegarError
+from tests.synthetic_results import run_rows, write_results
 
+ROOT = Path(__file__).parents[3]
 TWINS = (("mine", "fast-v2"), ("mine-fast", "v2"))  # joined by "-" they are one
 
 
@@ -90,6 +101,35 @@ def test_a_row_without_a_key_is_refused_by_the_name_of_the_column(name, nothing)
 def test_means_of_groups_without_a_name_are_kept():
     table = pd.DataFrame({"group": ["a", None, "a"], "x": [1.0, 2.0, 3.0]})
     assert mean_by(table, ["group"], ["x"])["x"].tolist() == [2.0, 2.0]
+
+
+def test_tables_of_a_report_keep_all_rows_whatever_has_no_name(tmp_path):
+    """And a run that does not say what it belongs to is refused, in the file where it stands."""
+    runs = run_rows(np.random.default_rng(0), "figure_3a", seeds=2).assign(code=["a", None] * 45)
+    evidence = Evidence(read_results(write_results(tmp_path / "whole", {"runs": runs})))
+    named = evidence.all_results.runs.assign(experiment="figure_3a", libraries="", commit="", computed_with="")
+    (table,) = (block for block in versions(named) if isinstance(block, Table))
+    assert sum(int(row[-1]) for row in table.rows) == len(runs)
+    by = ["family", "difficulty", "n"]
+    nameless = evidence.main.assign(family=evidence.main["family"].replace("empty", None))
+    with pytest.raises(SegarError, match="rows have no family"):  # intervals are over blocks of one family and seed
+        means(evidence, nameless, by, "gap")
+    assert cells(nameless)["seeds"].sum() == len(runs)
+    for name in ("seed", "family", "n", "algorithm"):
+        lacking = runs.astype({name: object})
+        lacking.loc[4, name] = None
+        folder = write_results(tmp_path / name, {"runs": lacking})
+        with pytest.raises(RunFolderError, match=f"runs.parquet: 1 of {len(runs)} rows have no {name}"):
+            read_results(folder)
+
+
+def test_no_group_of_rows_is_dropped_for_a_missing_key():
+    """Pandas drops them unless it is told not to; keys as numbers, which are never missing, are arrays with a name."""
+    places = [path for room in ("analysis", "experiments") for path in (ROOT / room).rglob("*.py")]
+    for path, call in ((one, call) for one in places for call in ast.walk(ast.parse(one.read_text("utf-8")))):
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "groupby":
+            told = {one.arg: ast.unparse(one.value) for one in call.keywords}
+            assert told.get("dropna") == "False" or isinstance(call.args[0], ast.Name), f"{path}:{call.lineno}"
 
 
 def test_two_rows_of_one_block_at_one_place_are_refused():
