@@ -45,6 +45,7 @@ from experiments.runs.run_folder import (
 )
 from experiments.settings import RunFolderError
 from segar.errors import SegarError
+from segar.support import counted
 
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
 FILES = {"runs": RUNS, "transfers": TRANSFERS, "levels": LEVELS, "curves": CURVES, "probes": PROBES}  # of all tables
@@ -95,9 +96,11 @@ def collect(config: CollectConfig) -> Collected:
     if (folder / STUDY).exists():
         found = for_study(plan, found)
     write_tables(folder, plan, found)
-    print(f"{len(found.runs)} runs and {len(found.transfers)} transfers are in {folder / RUNS} and {TRANSFERS}.")
+    print(
+        f"{folder / RUNS}: {counted(len(found.runs), 'run')}; {TRANSFERS}: {counted(len(found.transfers), 'transfer')}"
+    )
     if not found.probes.empty:
-        print(f"What the probes say of {found.probes['run'].nunique()} runs is in {PROBES}.")
+        print(f"{PROBES}: what the probes say of {counted(found.probes['run'].nunique(), 'run')}")
     print_missing(plan, found.missing, folder / MISSING)
     if config.tracking and plan["tracking"]["name"] != "none":
         from analysis.experiment_runs import show_experiments

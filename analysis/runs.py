@@ -25,6 +25,7 @@ from experiments.runs.run_folder import root_folder
 from experiments.runs.run_rows import FINISHED, as_columns, chosen_rows, copies_warning, in_short
 from segar.cli import table as text_table
 from segar.errors import SegarError, did_you_mean
+from segar.support import counted
 
 SEEDS = ("seed", "levels.seed")  # settings in which repetitions differ
 # The columns that say from which distribution, and how, training levels are taken, as far as a table has them: those of
@@ -155,7 +156,7 @@ def numeric_figures(runs: pd.DataFrame) -> list[str]:
 def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterator[str]:
     """Sentences about a summary: which runs are left out, and over what its intervals are."""
     if len(done) < len(runs):
-        yield f"{len(runs) - len(done)} of {len(runs)} runs are not finished and do not count; their states stand above."
+        yield f"Not finished, and not counted: {len(runs) - len(done)} of {len(runs)} runs; their states stand above."
     about_sets = list(about_level_sets(done))
     yield from about_sets
     lacking = found[found["runs"] == 0] if len(found) else found
@@ -168,7 +169,7 @@ def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterat
         {int(n) for n, unit in zip(there["n"], there["unit"], strict=True) if unit == LEVEL_SETS and n < FEWEST_BLOCKS}
     )
     for n in few:
-        yield f"{n} level sets: no interval. It takes {FEWEST_BLOCKS}; sweep levels.seed."
+        yield f"{counted(n, 'level set')}: no interval. It takes {FEWEST_BLOCKS}; sweep levels.seed."
     if ALIKE in set(there["note"]):
         yield "Units with equal results have no interval: others need not have these results, too."
     if any(unit == AGENTS and n > 1 for unit, n in zip(there["unit"], there["n"], strict=True)):

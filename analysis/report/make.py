@@ -21,6 +21,7 @@ from experiments.reproduction.imported_results import RUNS
 from experiments.runs.files import read_json
 from experiments.settings import CHECKOUT, RunFolderError, TrackingConfig, require_known
 from experiments.tracking.mlflow_store import replace_run
+from segar.support import counted
 
 SHIPPED = CHECKOUT / "docs" / "results"
 SCALES = ("paper", "standard", "quick", "smoke")  # the largest first
@@ -72,9 +73,7 @@ def main(config: ReportConfig) -> None:
     """Makes the report and prints what came of it."""
     made = make_report(config)
     results = made.subject.evidence.results
-    print(
-        f"{len(results.runs)} runs are in the report, {len(results.missing_runs())} runs or tests of the plan are missing."
-    )
+    print(f"In the report: {counted(len(results.runs), 'run')}. Missing, runs or tests: {len(results.missing_runs())}.")
     for line in map(str, made.files) if config.only else map(made.subject.sentence, made.claims):
         print(line)
     if not config.only:

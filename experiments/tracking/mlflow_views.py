@@ -58,15 +58,22 @@ def parallel(parameters: tuple[str, ...], metrics: tuple[str, ...]) -> Chart:
     return {"type": "PARALLEL", **chosen, "showAllRuns": True}
 
 
-AGAINST_W2 = (("Gap against W2", (scatter("w2/exact", GAP), scatter("w2/reference", GAP))),)
+# MLflow writes the names of metrics beside the axes; what these are, and their units, stand in the headings.
+THE_GAP = "Gap [return on test less training levels]"
+AGAINST_W2 = (
+    (f"{THE_GAP} against W2 [standard deviations]", (scatter("w2/exact", GAP), scatter("w2/reference", GAP))),
+)
 AGAINST_N = (
-    ("Against the number of levels", (scatter(COUNT, GAP, "PARAM"), scatter(COUNT, "w2/exact", "PARAM"))),
+    (
+        f"{THE_GAP} and W2 [standard deviations] against the number of levels",
+        (scatter(COUNT, GAP, "PARAM"), scatter(COUNT, "w2/exact", "PARAM")),
+    ),
     ("A line per run", (parallel((PANEL, COUNT), ("w2/exact", "ks", SUCCESS, GAP)),)),
 )
-LEARNING = (("Training episodes", (curve("episode/return"), curve("episode/success"))),)
+LEARNING = (("Return and success of training episodes", (curve("episode/return"), curve("episode/success"))),)
 AGAINST_KNOWLEDGE = (
     (
-        "Accuracy of probes, and as in 2022",
+        f"{THE_GAP} against the accuracy of probes, and as in 2022 [share, chance 0.5]",
         (scatter("probes/accuracy/test", GAP), scatter("probes/accuracy_of_2022/test", GAP)),
     ),
 )

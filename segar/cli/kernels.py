@@ -15,7 +15,7 @@ from segar.envs import REWARDS, VectorEnv, build_environment, world_of
 from segar.language import Rule, Task
 from segar.levels import TASK_LEVELS, Levels, families
 from segar.observations import OBSERVATIONS
-from segar.support import cache_folder, replacing
+from segar.support import cache_folder, counted, replacing
 from segar.tasks import puttputt, task_of
 
 NO_LINES = "  (matches nothing here)"
@@ -74,7 +74,9 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
         what = "there already" if there else f"compiled in {seconds:.1f} s"
         print(f"{path.stem}  {what:<19}  {its_task.name:<16}  {', '.join(sharing[path])}", flush=True)
     print(f"{'observations':<18}  ready in {_compile_observations(*next(iter(first.values()))):.1f} s")
-    print(f"{cache_folder()}: {len(first)} kernels, {compiled} of them new, {time.perf_counter() - start:.0f} s")
+    print(
+        f"{cache_folder()}: {counted(len(first), 'kernel')}, {compiled} of them new, {time.perf_counter() - start:.0f} s"
+    )
 
 
 def build_target(name: str, target: str, output: str, task: str | None = None, observation: str = "state") -> None:

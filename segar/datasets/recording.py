@@ -19,7 +19,7 @@ from segar.envs import REWARDS, Policy, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation import require_options
 from segar.levels import Levels, family, hash_of_levels
-from segar.support import is_whole, json_in, locked, need, replacing
+from segar.support import counted, is_whole, json_in, locked, need, replacing
 from segar.tasks import TASKS
 
 RECIPE = "recipe.json"
@@ -101,7 +101,7 @@ def record(
         found = minari.load_dataset(dataset_id)
         recipe_of(found).require_same(recipe, f"there is a Minari dataset '{dataset_id}' already, in {target},")
         return found
-    summary = f"{episodes} episodes of {recipe.task} on {levels!r}, played by {recipe.policy}"
+    summary = f"{counted(episodes, 'episode')} of {recipe.task} on {levels!r}, played by {recipe.policy}"
     by = {"author": {author}, "author_email": {author_email}, "description": description or summary}
     with _unfinished(dataset_id, recipe) as folder:
         parts = []

@@ -24,7 +24,7 @@ from segar.levels.level_json import fields_of, is_json, read_json, write_json
 from segar.levels.sampling.placement import fix_block
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
-from segar.support import ArchiveFormat, Form
+from segar.support import ArchiveFormat, Form, counted
 
 FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
 
@@ -167,7 +167,7 @@ class Levels(LevelData):
             f"of '{p.name}'" if p.name else f"of distribution {p.distribution}" if p.distribution else "made by hand"
         )
         drawn = f", seed {p.seed}, split '{p.split}'" if p.distribution else ""
-        return f"<{len(self)} levels {origin}{drawn}>"
+        return f"<{counted(len(self), 'level')} {origin}{drawn}>"
 
 
 def _same_bits(a: np.ndarray, b: np.ndarray) -> bool:

@@ -18,7 +18,7 @@ from segar.language import Entity, Factor
 from segar.levels import WITHOUT_EFFECT, Levels, checks, entity_types
 from segar.metrics.points import Spread, Units, shorter_way
 from segar.metrics.wasserstein import resampled
-from segar.support import Estimate, aligned, emd
+from segar.support import Estimate, aligned, counted, emd
 
 BLOCKS = 10  # of situations, of which the jackknife leaves out one at a time
 ROUNDING = 1e-12  # a smaller standard error, as a share, is what arithmetic adds
@@ -138,7 +138,7 @@ class DynamicsDistance:
         rows = [["after steps", *map(str, horizons), "all"]]
         rows += [[n, *(str(self.parts[n, h]) for h in horizons), str(self.by_factor[n])] for n in moved]
         rows.append(["all", *(str(self.by_horizon[h]) for h in horizons), str(Estimate(self.value, self.error))])
-        return f"{aligned(rows)}\n{self.situations} situations; by chance alone {self.floor:.4g}"
+        return f"{aligned(rows)}\n{counted(self.situations, 'situation')}; by chance alone {self.floor:.4g}"
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from segar.noise import (
 from segar.rules.combinations import Combinations, make_combinations
 from segar.rules.default_rules import DEFAULT_RULES
 from segar.rules.rule_option import RuleOption, same_options
-from segar.support import is_whole
+from segar.support import counted, is_whole
 
 TWO_TO_FOUR = DiscreteRangeNoise(2, 4)
 SPLITS = ("combinations", "rules", "constants")
@@ -316,7 +316,9 @@ class RuleSpace:
         return any(len(set(group) & set(places)) > 1 for group in self.exclusive)
 
     def __repr__(self) -> str:
-        return f"<rule space of {len(self.options)} options, {len(self.combinations)} combinations>"
+        return (
+            f"<rule space of {counted(len(self.options), 'option')}, {counted(len(self.combinations), 'combination')}>"
+        )
 
 
 def _listed(given: Any) -> Sequence[Any]:

@@ -25,7 +25,7 @@ from segar.levels import (
     with_mechanisms,
 )
 from segar.suites.suite_file import HASH_DIGITS, Suite
-from segar.support import is_whole
+from segar.support import counted, is_whole
 
 PLACE, KINDS, RULES_GROUP, LOOK, OTHERS, ALL_THAT_DIFFERS = "place", "entities", "rules", "look", "others", "all"
 """Names of groups; any other group has the name of its factor or world parameter."""
@@ -89,7 +89,7 @@ class Twins:
 
     def __repr__(self) -> str:
         text = ", ".join(f"{one.group} ({int(one.found.sum())})" for one in self.groups)
-        return f"<twins of {len(self.test_levels)} levels of {self.suite.name}: {text}; {self.hash}>"
+        return f"<twins of {counted(len(self.test_levels), 'level')} of {self.suite.name}: {text}; {self.hash}>"
 
     def __getitem__(self, group: str) -> Twin:
         """The twins of a group; raises :class:`SuiteError` that names those that there are."""

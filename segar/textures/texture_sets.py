@@ -12,7 +12,7 @@ import numpy as np
 
 from segar.errors import SegarError, did_you_mean
 from segar.language import Entity
-from segar.support import ArchiveFormat, Form
+from segar.support import ArchiveFormat, Form, counted
 from segar.textures.inputs import BACKGROUND, entity_values, is_noise, name_of_input
 
 ARRAYS = {
@@ -89,7 +89,8 @@ class TextureSet:
         return dataclasses.replace(self, weights=self.weights[picked], bias=self.bias[picked])
 
     def __repr__(self) -> str:
-        return f"<textures '{self.name}': {len(self)} models, {len(self.inputs)} inputs, period {self.period}>"
+        inputs = counted(len(self.inputs), "input")
+        return f"<textures '{self.name}': {counted(len(self), 'model')}, {inputs}, period {self.period}>"
 
     def shows(self, factor: Any) -> bool:
         """Whether the factor or entity type (a class or its name) is among the inputs."""

@@ -21,6 +21,7 @@ from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, pick, select
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.reproduction.grid import LEVEL_SEED
+from segar.support import counted
 
 # Of the rules, those by which a claim with one test is judged, and the margins of correlations and of means.
 OWN_VERDICTS, OWN_MARGINS = ("effect", "absence", "untestable"), ("correlation", "deviations")
@@ -46,9 +47,9 @@ def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Pictu
 def opening(study: Study, claims: Sequence[Claim]) -> Iterator[Block]:
     """What there is, what is missing, and the claims in sentences."""
     runs, sets = study.runs, len(set(keys(study.runs, ["panel", "seed"])))
-    kinds = f"{len(study.agents)} kinds" if len(study.agents) > 1 else "one kind"
+    panels, kinds = counted(len(study.panels), "panel"), counted(len(study.agents), "kind")
     yield Paragraph(
-        f"{len(runs)} runs in {len(study.panels)} panels, on {sets} level sets, with {kinds} of agents. The"
+        f"{counted(len(runs), 'run')} in {panels}, on {counted(sets, 'level set')}, with {kinds} of agents. The"
         " gap is the mean return on test levels less that on training levels; negative means worse on test levels.",
         "lead",
     )
@@ -90,7 +91,7 @@ def repeated(runs: pd.DataFrame) -> Iterator[Block]:
     fewest = min(count_of(part, "seed") for _, part in runs.groupby("panel", dropna=False))
     if fewest < FEWEST_BLOCKS:
         yield Paragraph(
-            f"Some panels have {fewest} level set{'s' * (fewest != 1)} of a size: of fewer than {FEWEST_BLOCKS} there are no "
+            f"Some panels have {counted(fewest, 'level set')} of a size: of fewer than {FEWEST_BLOCKS} there are no "
             "intervals. More `grid.seeds` mend that.",
             "warning",
         )

@@ -71,8 +71,8 @@ export function comparePanel(page) {
     const { set, levels } = page;
     const yours = levels.levelNumbers.filter((level) => results.returned(set, "you", level) !== undefined);
     summary.replaceChildren(
-      summed(`All ${levels.count} levels`, levels.levelNumbers),
-      ...(yours.length && yours.length < levels.count ? [summed(`The ${yours.length} levels that you played`, yours)] : []),
+      summed(`All levels (${levels.count})`, levels.levelNumbers),
+      ...(yours.length && yours.length < levels.count ? [summed(`Levels that you played (${yours.length})`, yours)] : []),
     );
     rows.replaceChildren(...levels.levelNumbers.map((level) => tableRow([
       make("button", { value: level, textContent: level, "aria-label": `go to level ${level}` }),

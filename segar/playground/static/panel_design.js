@@ -175,7 +175,7 @@ function wall(page, k) {
   }
 
   add();
-  const head = make("h3", { textContent: `${page.about.sets[k].title}: ${set.count} levels` });
+  const head = make("h3", { textContent: `${page.about.sets[k].title}: ${set.count} level${set.count === 1 ? "" : "s"}` });
   return { element: make("section", {}, head, box, more), draw, mark };
 }
 

@@ -146,7 +146,7 @@ def test_a_grid_may_name_choices_of_a_package(my_lab, tmp_path):
         "experiments=[my_grid]", "dry_run=true", f"root={tmp_path / 'runs'}",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "smoke: 1 runs, 0 done, 1 to do" in done.stdout
+    assert "smoke: 1 run, 0 done, 1 to do" in done.stdout
 
 
 def test_cfg_job_prints_the_settings_that_a_run_would_have():

@@ -145,7 +145,7 @@ def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, cap
     said = capfd.readouterr().out
     assert f"3 runs and 0 transfers are in {config.folder / 'runs.parquet'}" in said
     assert "missing: empty-hard-n10-state-ppo-s1-" in said and ": not begun" in said
-    assert "3 runs are in the report, 1 runs or tests of the plan are missing." in said
+    assert "In the report: 3 runs. Missing, runs or tests: 1." in said
     for name in (
         "runs.parquet",
         "levels.parquet",

@@ -62,7 +62,7 @@ def test_what_was_compiled_is_there_already_the_next_time(capsys, tmp_path, monk
     (path,) = (one for one in tmp_path.glob("k_*.py") if "def advance" in one.read_text())
     assert re.match(rf"{path.stem}  compiled in \d+\.\d s +puttputt-squared  empty-easy, empty-hard\n", said[0])
     assert re.match(rf"{path.stem}  there already +puttputt-squared  empty-easy, empty-hard\n", said[1])
-    assert "1 kernels, 1 of them new" in said[0] and "1 kernels, 0 of them new" in said[1]
+    assert "1 kernel, 1 of them new" in said[0] and "1 kernel, 0 of them new" in said[1]
 
 
 def test_one_s_own_distribution_and_task_are_named_by_module_and_attribute(capsys, tmp_path, monkeypatch):

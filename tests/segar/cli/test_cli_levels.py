@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,19 @@ def test_describe_lists_every_marginal(capsys):
     assert text.endswith(shared)
     assert text.count("\n") == len(rows) + 1 + 1 + len(said["entities"]) + 1 + 2
     assert "UniformNoise(0.5, 0.55)" in text and "SandTile 0.25 | MagmaTile 0.25 | Hole 0.25" in text
+
+
+@pytest.mark.parametrize("width", [30, 80])
+def test_a_narrow_terminal_gets_shorter_lines_of_the_same_words_and_numbers(capsys, monkeypatch, width):
+    """Nothing is broken within a word; without a terminal, lines are as long as they are."""
+    calls = (["describe", "tilesx1-hard"], ["suites"], ["describe", "empty-easy"])
+    for call in calls:
+        monkeypatch.delenv("COLUMNS", raising=False)
+        whole = shown(capsys, *call)
+        monkeypatch.setenv("COLUMNS", str(width))
+        narrow = shown(capsys, *call)
+        assert Counter(narrow.split()) == Counter(whole.split()) and max(map(len, whole.split("\n"))) > width
+        assert all(len(line) <= width or not line.strip().count(" ") for line in narrow.split("\n"))
 
 
 def test_describe_shows_numbers_types_shapes_and_what_depends_on_something_else(capsys, tmp_path, monkeypatch):
