@@ -24,6 +24,8 @@ from segar.support import from_json
 
 HOST = "127.0.0.1"
 MOST_BYTES = 1_000_000  # of a question
+MOST_MEMORY = 2 * 2**30  # [bytes] of all answers, beyond what the studio takes at its start
+MOST_CONNECTIONS = 64  # at once
 TOKEN_BYTES = 32
 HEADERS = {
     "Cache-Control": "no-store",
@@ -47,7 +49,7 @@ class StudioServer:
     """
 
     def __init__(self, studio: Studio, port: int = 0) -> None:
-        self._html, self._worker = studio.html, Worker(lambda asked: _answered(studio, *asked))
+        self._html, self._worker = studio.html, Worker(lambda asked: _answered(studio, *asked), MOST_MEMORY)
         self._socket = _listening(port)
         self.port: int = self._socket.getsockname()[1]
         self._token = secrets.token_urlsafe(TOKEN_BYTES)
@@ -55,9 +57,9 @@ class StudioServer:
         self._hosts = {f"{HOST}:{self.port}", f"localhost:{self.port}"}
         self._working: tuple[str, float] | None = None
         app = Starlette(routes=[Route("/{rest:path}", self._respond, methods=["GET", "POST"])])
-        self._server = uvicorn.Server(
-            uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, lifespan="off", ws="none")
-        )
+        quiet: dict[str, Any] = {"log_level": "warning", "access_log": False, "server_header": False}
+        bare: dict[str, Any] = {"lifespan": "off", "ws": "none", "limit_concurrency": MOST_CONNECTIONS}
+        self._server = uvicorn.Server(uvicorn.Config(app, **quiet, **bare))
 
     def run(self) -> None:
         """Answer requests until ``stop`` or Ctrl-C; then work that is not done is ended."""
@@ -130,7 +132,7 @@ def _answered(studio: Studio, name: str, question: Any) -> tuple[int, dict[str, 
     except SegarError as error:
         why = str(error)
     except MemoryError as error:
-        why = f"there is not enough memory ({error}); ask for smaller numbers"
+        why = f"{name}: this takes more memory than there is ({error}); the studio takes at most {MOST_MEMORY / 2**30:g} GiB"
     except OSError as error:  # of a folder of runs
         why = f"{error.filename or 'the system'}: {error.strerror or error}"
     return 422, {"error": why}, studio.html

@@ -5,6 +5,7 @@ was wanted takes the place of its parent. One that is ended leaves nothing: no h
 """
 
 import os
+import resource
 import signal
 import time
 import traceback
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, NoReturn
 
 LOOK = 0.02  # [s] after which it is seen whether an answer is there or is wanted
@@ -24,14 +26,17 @@ class Worker:
 
     Args:
         answer: a function of a question, which may change what it knows; all plain data.
+        memory: how many bytes the work may take, over all questions, beyond what this process has now; what takes more is a
+            ``MemoryError``, on Linux, where the system says how much a process has.
     """
 
-    def __init__(self, answer: Answer) -> None:
+    def __init__(self, answer: Answer, memory: int) -> None:
         self._here, there = Pipe()
         self._number = 0
         if _fork() == 0:
             self._here.close()
             os.setsid()  # Ctrl-C is for the first process alone
+            _bound(memory)
             _serve(there, answer)
         there.close()
 
@@ -69,6 +74,15 @@ def _fork() -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads, none of which the new process needs
         return os.fork()
+
+
+def _bound(memory: int) -> None:
+    """Let this process and its forks take so many bytes more than it has, unless they may have fewer anyway."""
+    taken = Path("/proc/self/statm")
+    if taken.exists():
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+        wanted = int(taken.read_text().split()[0]) * resource.getpagesize() + memory
+        resource.setrlimit(resource.RLIMIT_AS, (wanted if soft == resource.RLIM_INFINITY else min(soft, wanted), hard))
 
 
 def _serve(there: Connection, answer: Answer) -> NoReturn:

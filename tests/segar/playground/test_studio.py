@@ -260,6 +260,32 @@ def test_more_things_than_can_be_drawn_in_seconds_are_refused(client: Client, ma
     assert status == 422 and why in answer["error"]
 
 
+class Greedy:
+    """A studio that keeps an array of as many MiB as a question says."""
+
+    def __init__(self) -> None:
+        self.html: str = "a page"
+        self.kept: list[np.ndarray] = []
+
+    def answer(self, name: str, question: Any) -> dict[str, Any]:
+        self.kept.append(np.ones(question["set"] * 2**20 // 8))
+        return {"kept": len(self.kept)}
+
+
+def test_what_takes_more_memory_than_the_studio_may_is_refused_by_its_size_and_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("segar.playground.server.MOST_MEMORY", 2**29)
+    with serving(Greedy()) as client:
+        status, answer = client.ask("hardness", set=100_000)
+        assert status == 422 and "hardness: this takes more memory" in answer["error"]
+        assert "Unable to allocate 97.7 GiB" in answer["error"] and "at most 0.5 GiB" in answer["error"]
+        taken = [client.ask("hardness", set=150) for _ in range(6)]
+        kept = [answer["kept"] for status, answer in taken if status == 200]
+        assert kept == list(range(1, len(kept) + 1)) and 1 <= len(kept) <= 3  # of all questions together
+        assert taken[-1][0] == 422 and client.answer("hardness", set=1) == {"kept": len(kept) + 1}
+
+
 class Slow:
     """A studio whose work never ends, in a process and in one that this one starts; it does not even hear signals."""
 
