@@ -1,8 +1,7 @@
 """``segar gallery``: a contact sheet of tasks, difficulties and renderers, or what the signs of pictures mean."""
 
 import argparse
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -34,28 +33,38 @@ Renderer: TypeAlias = View | Pixels | TexturedPixels
 """What draws a level: a view for people, or an observation of pixels."""
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One picture of a sheet: a level, and how it is drawn."""
-
-    levels: Levels
-    renderer: Renderer
-
-
 def contact_sheet(seed: int = 0, renderers: Mapping[str, Renderer] | None = None) -> np.ndarray:
     """All tasks and difficulties, each in all ways: uint8 ``(height, width, 3)``.
 
     Args:
         seed: of the levels, one of each family.
-        renderers: title to :class:`View` or observation; by default :func:`default_renderers`.
+        renderers: title to :class:`View` or observation, drawn beside each other; by default :func:`default_renderers`.
     """
+    need_pygame("writing on sheets")
+    import pygame
+
+    from segar.rendering.painter import array_of
+
     ways = default_renderers() if renderers is None else renderers
-    names = [[f"{task}-{difficulty}" for difficulty in DIFFICULTIES] for task in TASKS] + [list(TASK_ROW)]
-    rows = [
-        [[Cell(family(name).sample(1, seed), way) for way in ways.values()] for name in row_names]
-        for row_names in names
-    ]
-    return sheet(rows, [[[name] for name in row_names] for row_names in names], [list(ways) for _ in DIFFICULTIES])
+    rows = [[f"{task}-{difficulty}" for difficulty in DIFFICULTIES] for task in TASKS] + [list(TASK_ROW)]
+    pygame.font.init()
+    small, large = pygame.font.Font(None, 16), pygame.font.Font(None, 18)
+    line, group = large.get_height() + 8, len(ways) * (TILE + GAP) - GAP
+    lefts = [GROUP_GAP + g * (group + GROUP_GAP) for g in range(len(DIFFICULTIES))]
+    picture = pygame.Surface((lefts[-1] + group + GROUP_GAP, line + len(rows) * (line + TILE + GAP) + GROUP_GAP))
+    picture.fill(PAPER)
+    for left in lefts:
+        for k, title in enumerate(ways):
+            _write(picture, small, title, left + k * (TILE + GAP), 4, TILE)
+    for r, row in enumerate(rows):
+        top = line + r * (line + TILE + GAP)
+        for left, name in zip(lefts, row, strict=True):
+            _write(picture, large, name, left, top + 6, group + GAP)
+            levels = family(name).sample(1, seed)
+            for k, way in enumerate(ways.values()):
+                drawn = pygame.surfarray.make_surface(draw_level(levels, way).swapaxes(0, 1))
+                picture.blit(drawn, (left + k * (TILE + GAP), top + line))
+    return array_of(picture)
 
 
 def default_renderers() -> dict[str, Renderer]:
@@ -70,12 +79,8 @@ def people(size: int) -> View:
     return View(size=size, labels=False, line=False)
 
 
-def draw_level(levels: Levels, renderer: Renderer, size: int = TILE) -> np.ndarray:
-    """The first level as it is at the start, uint8 ``(size, size, 3)``.
-
-    Raises:
-        SegarError: the renderer is neither a :class:`View` nor an observation of square RGB frames that fit the size.
-    """
+def draw_level(levels: Levels, renderer: Renderer) -> np.ndarray:
+    """The first level as it is at the start, uint8 ``(TILE, TILE, 3)``; ``renderer``: of square frames that fit into it."""
     if isinstance(renderer, View):
         need_pygame("drawing for people")
     env = VectorEnv(levels, 1, observation=renderer if not isinstance(renderer, View) else "state", seed=0)
@@ -87,53 +92,7 @@ def draw_level(levels: Levels, renderer: Renderer, size: int = TILE) -> np.ndarr
         frame = Painter(renderer).frame(stage.scene(env.state().state.values[0], 0))
     else:
         frame = np.asarray(observations[0])
-    if frame.ndim != 3 or frame.shape[2] != 3 or frame.shape[0] != frame.shape[1] or size % frame.shape[0]:
-        raise SegarError(
-            f"a picture of {size} pixels shows square RGB frames that fit into it, not shape {frame.shape}"
-        )
-    return frame.repeat(size // frame.shape[0], axis=0).repeat(size // frame.shape[0], axis=1)
-
-
-def sheet(
-    rows: Sequence[Sequence[Sequence[Cell]]],
-    names: Sequence[Sequence[Sequence[str]]],
-    titles: Sequence[Sequence[str]],
-    tile: int = TILE,
-) -> np.ndarray:
-    """Pictures in rows of groups, uint8 ``(height, width, 3)``.
-
-    Args:
-        rows: cells by row, group and place.
-        names: what stands above each group of each row, or above each cell where there are as many as cells.
-        titles: what stands above each place of the groups, in the first row.
-        tile: side of a picture [px].
-    """
-    need_pygame("writing on sheets")
-    import pygame
-
-    from segar.rendering.painter import array_of
-
-    pygame.font.init()
-    small, large = pygame.font.Font(None, 16), pygame.font.Font(None, 18)
-    line = large.get_height() + 8
-    widest = [max(len(row[g]) for row in rows if g < len(row)) for g in range(max(map(len, rows)))]
-    lefts = np.cumsum([GROUP_GAP, *(w * (tile + GAP) - GAP + GROUP_GAP for w in widest)])
-    head = line if any(titles) else 0
-    picture = pygame.Surface((int(lefts[-1]), head + len(rows) * (line + tile + GAP) + GROUP_GAP))
-    picture.fill(PAPER)
-    for g, group in enumerate(titles):
-        for k, title in enumerate(group):
-            _write(picture, small, title, int(lefts[g]) + k * (tile + GAP), 4, tile)
-    for r, row in enumerate(rows):
-        top = head + r * (line + tile + GAP)
-        for g, cells in enumerate(row):
-            for k, name in enumerate(names[r][g]):
-                room = tile if len(names[r][g]) > 1 else len(cells) * (tile + GAP)
-                _write(picture, large, name, int(lefts[g]) + k * (tile + GAP), top + 6, room)
-            for k, cell in enumerate(cells):
-                drawn = pygame.surfarray.make_surface(draw_level(cell.levels, cell.renderer, tile).swapaxes(0, 1))
-                picture.blit(drawn, (int(lefts[g]) + k * (tile + GAP), top + line))
-    return array_of(picture)
+    return frame.repeat(TILE // len(frame), axis=0).repeat(TILE // len(frame), axis=1)
 
 
 def save_png(picture: np.ndarray, path: str | PathLike[str], colours: int | None = None) -> None:
@@ -143,17 +102,14 @@ def save_png(picture: np.ndarray, path: str | PathLike[str], colours: int | None
         colours: how many the file may have, to make it smaller (2 to 256); None for all.
 
     Raises:
-        SegarError: the path does not end in .png, it cannot have so many colours, Pillow is not installed, or the file
-            cannot be written.
+        SegarError: the file cannot be written.
     """
-    path = Path(path)
-    _check_file(path, colours)
     from PIL import Image
 
     image = Image.fromarray(picture)
     if colours is not None:
         image = image.quantize(colours, dither=Image.Dither.NONE)
-    with replacing(path, "the picture") as beside:
+    with replacing(Path(path), "the picture") as beside:
         image.save(beside, optimize=True)
 
 
