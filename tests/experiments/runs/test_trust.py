@@ -54,9 +54,7 @@ def folder_of(tmp_path, **changes):
     ids=["algorithm", "levels", "task", "observation", "a module of SEGAR", "letters beyond ASCII"],
 )
 def test_settings_of_others_import_nothing(tmp_path, cache, bad_code, changes, module, place):
-    with pytest.raises(
-        RunFolderError, match=f"names code that would be imported: {module}.*{place}.*set {TRUSTED}={module} "
-    ):
+    with pytest.raises(RunFolderError, match=f"would be imported: {module}.*{place}.*set {TRUSTED}={module} "):
         read_config(folder_of(tmp_path, **changes))
     assert not bad_code.exists()
 

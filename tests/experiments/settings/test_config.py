@@ -106,10 +106,7 @@ def test_a_wrong_setting_is_named_with_the_nearest_right_one(override, says):
 @pytest.mark.parametrize(
     ("override", "says"),
     [
-        (
-            "levels.train=empty-hrad",
-            "levels.train: there is no level family or suite 'empty-hrad'. Did you mean 'empty-hard'?",
-        ),
+        ("levels.train=empty-hrad", "there is no level family or suite 'empty-hrad'. Did you mean 'empty-hard'?"),
         ("levels.train=own_levels:iec", "levels.train: 'own_levels' has no 'iec'. Did you mean 'ice'?"),
         ("levels.train=own_levels:number", "levels.train: 'own_levels:number' is no level distribution"),
         ("levels.train=own_lvls:ice", "levels.train: 'own_lvls:ice' cannot be imported"),

@@ -109,9 +109,7 @@ def test_environments_that_a_snapshot_does_not_hold_are_refused(running):
 
 def test_a_snapshot_of_another_size_or_of_other_levels_is_refused(running):
     snapshot = running.state()
-    with pytest.raises(
-        SegarError, match=r"holds 6 environments, and here are 2; pick or repeat some, as in snapshot\["
-    ):
+    with pytest.raises(SegarError, match=r"holds 6 environments, and here are 2; pick .*, as in snapshot\["):
         VectorEnv(LEVELS, 2).restore(snapshot)
     snapshot.state.level[:] = 4
     with pytest.raises(SegarError, match="at least 5 levels, and here are 3 levels of 3 entities"):
@@ -154,17 +152,9 @@ def test_a_saved_snapshot_has_the_arrays_that_segar_0_1_reads(running, tmp_path)
 @pytest.mark.parametrize(
     ("name", "array", "words"),
     [
-        (
-            "values",
-            np.zeros((6, 3)),
-            r"'values' must be float64 of shape \(environments, entities, columns\), not float64 of shape \(6, 3\)",
-        ),
+        ("values", np.zeros((6, 3)), r"'values' must be float64 of shape \(environments, entities, .*not .* \(6, 3\)"),
         ("level", np.zeros(6), r"'level' must be int64 of shape \(6,\), not float64 of shape \(6,\)"),
-        (
-            "memory/stack",
-            np.zeros((2, 4)),
-            r"'memory/stack' must be numbers of shape \(6, ...\), not float64 of shape \(2, 4\)",
-        ),
+        ("memory/stack", np.zeros((2, 4)), r"'memory/stack' must be numbers of shape \(6, ...\), not .* \(2, 4\)"),
     ],
 )
 def test_a_snapshot_whose_arrays_do_not_fit_each_other_is_refused(running, tmp_path, name, array, words):

@@ -198,9 +198,7 @@ def test_a_class_of_the_user_never_stands_for_a_built_in_one_nor_the_other_way_r
 
     assert Levels.load(saved_as("segar.moved_since")) == LEVELS, "modules of SEGAR may move"
     for module in ("my_lab.golf", "nowhere.at.all", "__main__", "segarlike", ""):
-        with pytest.raises(
-            LevelError, match=rf"levels.{kind}: it holds the entity type '\w+' of {module}, and here that name"
-        ):
+        with pytest.raises(LevelError, match=rf"levels.{kind}: it holds the entity type '\w+' of {module}, and here"):
             Levels.load(saved_as(module))
 
 

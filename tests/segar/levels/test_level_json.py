@@ -269,10 +269,7 @@ def test_what_does_not_belong_into_a_level_file_is_refused_with_its_place(what, 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            '{"format": "segar-levels",\n "version" 1}',
-            r"x.json is not a level file in JSON.*: Expecting ':' .*line 2 column 12",
-        ),
+        ('{"format": "segar-levels",\n "version" 1}', r"x.json is not .*: Expecting ':' .*line 2 column 12"),
         ('{"format": "segar-levels", "format": 1}', r"x.json .*: the key 'format' stands twice in one mapping"),
         ("[" * 100_000, r"x.json .*: it is nested too deeply"),
         ("[" * 100 + "]" * 100, r"x.json is not a level file in JSON, .*; there is a list of 1"),
@@ -336,9 +333,7 @@ def test_levels_that_could_not_be_read_again_are_not_written(tmp_path):
         wrong.save(path)
     other[1, -1, LEVELS.layout.columns[segar.Friction]] = 0.75
     floor = dataclasses.replace(LEVELS, values=other)
-    with pytest.raises(
-        LevelError, match=r"x.json: levels\[1\].*Friction: is 0.75, and the parameter FloorFriction is 0.05"
-    ):
+    with pytest.raises(LevelError, match=r"x.json: levels\[1\].*Friction: is 0.75, and .*FloorFriction is 0.05"):
         floor.save(path)
     assert not path.exists()
 

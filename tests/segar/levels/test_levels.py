@@ -279,10 +279,7 @@ def described_anew(levels: Levels, change: Callable[[str], str], folder: Path) -
     [
         (lambda m: m.pop("slots"), r"x.npz is not a level file.*: in its description 'slots' is absent; save it again"),
         (lambda m: m["provenance"].pop("seed"), r"in its description 'provenance.seed' is absent"),
-        (
-            lambda m: m.update(slots=[{"name": "x", "types": [99], "optional": False}]),
-            r"the slot 'x' are not",
-        ),
+        (lambda m: m.update(slots=[{"name": "x", "types": [99], "optional": False}]), r"the slot 'x' are not"),
         (lambda m: m.update(format_version=99), r"was written by a newer SEGAR .* install that version"),
         (lambda m: m.update(format="segar-plan"), r"its format is 'segar-plan'"),
     ],

@@ -53,9 +53,8 @@ CALM, GALE = windy(0, 1).sample(10, seed=0), windy(3, 5).sample(20, seed=0, spli
 
 @pytest.mark.parametrize("mode", ["reference", "paper"])
 def test_a_mode_that_leaves_out_world_parameters_warns_once_and_names_them_with_their_ranges(mode):
-    with pytest.warns(
-        UnseenDifferenceWarning, match=r"parameter Blow: 0\.\d+ to [01](\.\d+)? against 3\.?\d* to [45]"
-    ) as told:
+    ranges = r"parameter Blow: 0\.\d+ to [01](\.\d+)? against 3\.?\d* to [45]"
+    with pytest.warns(UnseenDifferenceWarning, match=ranges) as told:
         w2(CALM, GALE, mode)
     assert len(told) == 1 and "mode 'exact' sees it" in str(told[0].message)
     assert told[0].filename == __file__

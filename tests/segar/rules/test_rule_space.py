@@ -339,11 +339,7 @@ class Sourness(segar.Scalar, default=0.0): ...
         (lambda: RuleOption("push", push, words="a push of {}"), RuleError, "words name {}, which is no constant"),
         (lambda: RuleOption("push", push, words="a push {"), RuleError, "words must be a text"),
         (lambda: RuleOption("push", push, words=3), RuleError, "words must be a text"),
-        (
-            lambda: RuleOption("push", push, {PUSH: 1}, words="{push_of_tests:.2f}"),
-            RuleError,
-            "words must be a text",
-        ),
+        (lambda: RuleOption("push", push, {PUSH: 1}, words="{push_of_tests:.2f}"), RuleError, "words must be a text"),
         (lambda: World(None), RuleError, "rules must be a sequence of rules, or a RuleSpace, not None"),
         (lambda: EMPTY.with_rules(RuleOption("push", push)), RuleError, "must be a sequence of rules, or a RuleSpace"),
         (lambda: EMPTY.with_rules([RuleOption("push", push)]), RuleError, r"options belong to a RuleSpace\(\[...\]\)"),

@@ -54,9 +54,7 @@ def test_a_file_names_a_task_but_brings_no_code(tmp_path):
     levels.save(tmp_path / "mine.npz")
     loaded = Levels.load(tmp_path / "mine.npz")
     assert loaded.task == levels.task
-    with pytest.raises(
-        SegarError, match=r"the task 'tests\.segar\.tasks\.test_registry:mine' is not built in.* by task="
-    ):
+    with pytest.raises(SegarError, match=r"the task 'tests\..*test_registry:mine' is not built in.* by task="):
         VectorEnv(loaded, 1)
     assert VectorEnv(loaded, 1, task=mine).task.name == "mine"
 
