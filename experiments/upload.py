@@ -10,8 +10,9 @@ from pathlib import Path
 
 from experiments.commands.command_line import run_from_command_line
 from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import METRICS, lock, read_config, read_metrics, root_folder, run_folders
+from experiments.runs.run_folder import METRICS, lock, read_config, read_metrics, root_folder, run_folders, runs_root
 from experiments.settings import RunFolderError, TrackingError
+from experiments.tracking.mlflow_store import STORE, sqlite_address, store_uri
 from experiments.tracking.mlflow_sync import RunSync, files_of
 from segar.support import counted
 
@@ -24,7 +25,7 @@ class UploadConfig:
 
     run: str | None = None  # one run folder
     root: str | None = None  # or all run folders under this one; None: runs/ of the checkout
-    uri: str | None = None  # of the store; None: the one in the run's settings
+    uri: str | None = None  # of the store; None: the file beside the run folders, and no address that a folder names
 
 
 def upload(config: UploadConfig, say: Callable[[str], None] = print) -> None:
@@ -57,17 +58,23 @@ def upload(config: UploadConfig, say: Callable[[str], None] = print) -> None:
 def upload_run(folder: Path, uri: str | None = None) -> str:
     """Sends what MLflow lacks of one run; returns how much that was, as text.
 
+    Run folders may be of others: what they name is no place to send anything to, unless the caller says so by ``uri``.
+
     Raises:
-        TrackingError: the store does not answer, or refuses.
+        TrackingError: the store does not answer, or refuses; or the folder names another one than the file beside it.
         RunFolderError: there is no run, or a process is at work in its folder.
     """
-    config = read_config(folder)
-    if uri is not None:
-        config = dataclasses.replace(config, tracking=dataclasses.replace(config.tracking, name="mlflow", uri=uri))
-    if config.folder is None:  # it lies under its root, wherever that is now
-        config = dataclasses.replace(config, root=str(folder.parent))
-    if config.tracking.name == "none":
+    config, beside = read_config(folder), folder.resolve().parent
+    if config.tracking.name == "none" and uri is None:
         return "it was run without MLflow; uri=... names a store"
+    named = store_uri(config.tracking, runs_root(config) if config.folder else beside)
+    if uri is None and named != sqlite_address(beside / STORE):
+        raise TrackingError(
+            f"{folder} names the store {named}; nothing is sent to an address because a folder names it: uri={named} says that"
+            " it may"
+        )
+    tracking = dataclasses.replace(config.tracking, name="mlflow", uri=uri)
+    config = dataclasses.replace(config, tracking=tracking, root=str(beside))
     with lock(folder):
         rows = read_metrics(folder).to_pylist() if (folder / METRICS).exists() else []
         journal = read_journal(folder)

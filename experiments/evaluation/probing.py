@@ -181,7 +181,8 @@ def send_to_tracker(run: RunConfig, folder: Path, say: Callable[[str], None]) ->
     """Sends MLflow what it lacks of a tracked run; where that fails, ``say`` gets the error and the command to repeat it."""
     if run.tracking.name == "none":
         return
+    sync = RunSync(run, folder)
     try:
-        RunSync(run, folder).send(read_metrics(folder).to_pylist(), files_of(folder), "FINISHED")
+        sync.send(read_metrics(folder).to_pylist(), files_of(folder), "FINISHED")
     except TrackingError as error:
-        say(f"{error}. It lacks the probes of this run; this sends them: python -m experiments.upload run={folder}")
+        say(f"{error}. It lacks the probes of this run; this sends them: {sync.command}")

@@ -67,6 +67,12 @@ class RunSync:
             state = SyncState(store, config.tracking.experiment, int(time.time() * 1000))
         self.state = dataclasses.replace(state, store=store)
 
+    @property
+    def command(self) -> str:
+        """What sends the store all that it lacks of this run."""
+        uri = self.config.tracking.uri
+        return f"python -m experiments.upload run={self.folder}" + (f" uri={without_password(uri)}" if uri else "")
+
     def open(self) -> MlflowClient:
         """Finds or creates the run in the store; returns the store's client; raises :class:`TrackingError`."""
         if self.client is not None:

@@ -67,7 +67,7 @@ class MLflowTracker(Tracker):
             left = len(self.rows) - self.sync.state.sent
             _warn(
                 f"MLflow at {self.sync.state.store} has not got all of this run: {left} figures are left. They are in "
-                f"the run folder; this sends them: python -m experiments.upload run={self.sync.folder}"
+                f"the run folder; this sends them: {self.sync.command}"
             )
 
     def _work(self) -> None:

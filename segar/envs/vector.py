@@ -120,6 +120,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         true_factors: bool = True,
     ) -> None:
         self._arguments = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
+        self.closed = True  # until it is whole: Gymnasium 1.1 closes also what was refused
         instance("levels", levels, Levels, "segar.Levels, as segar.family('empty-hard').sample(100) makes them")
         num_envs = whole_number("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
         num_threads = whole_number("num_threads", num_threads, 1, MOST_THREADS)
@@ -170,6 +171,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata["render_fps"] = steps_per_second(levels, self.task)
+        self.closed = False
 
     @property
     def spec(self) -> Any:

@@ -169,7 +169,7 @@ def test_eight_runs_at_once_into_a_database_that_is_killed_and_started_again_hav
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
     assert MISSED in log.read_text()
-    upload(UploadConfig(root=str(root)))  # of runs that ended while there was no database
+    upload(UploadConfig(root=str(root), uri=uri))  # of runs that ended while there was no database
     client = MlflowClient(tracking_uri=uri)
     found = client.search_runs([client.get_experiment_by_name("segar").experiment_id])
     assert sorted(one.data.tags["run_folder"] for one in found) == [str(folder) for folder in run_folders(root)]

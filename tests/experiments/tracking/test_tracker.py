@@ -27,6 +27,7 @@ from experiments.training.run import run
 from experiments.upload import UploadConfig, upload
 from tests.experiments.short_runs import Killed, before_iteration, killed_after, same_results, short_run, stop
 from tests.experiments.tracking.mlflow_server import has_each_figure_once
+from tests.synthetic_runs import settings, write_run
 from tests.waiting import until
 
 START = """
@@ -349,15 +350,15 @@ def test_an_upload_that_finds_no_runs_says_where_it_looked(tmp_path):
 def test_a_server_that_is_never_there_stops_nothing_and_gets_all_by_a_command_later(tmp_path, server, capfd):
     server.up = False
     folder = run(short_run(tmp_path / "runs" / "one", tracking=REMOTE)).folder
-    assert f"this sends them: python -m experiments.upload run={folder}" in capfd.readouterr().err
+    assert f"this sends them: python -m experiments.upload run={folder} uri={REMOTE.uri}\n" in capfd.readouterr().err
     with pytest.raises(TrackingError, match="nobody is there"):
-        upload(UploadConfig(run=str(folder)))
+        upload(UploadConfig(run=str(folder), uri=REMOTE.uri))
     server.up, said = True, []
-    upload(UploadConfig(root=str(tmp_path / "runs")), said.append)
+    upload(UploadConfig(root=str(tmp_path / "runs"), uri=REMOTE.uri), said.append)
     assert server.points == points(folder)
     assert server.status == "FINISHED"
     assert said == [f"one: sent {len(points(folder))} figures to http://127.0.0.1:9"]
-    upload(UploadConfig(root=str(tmp_path / "runs")), said.append)
+    upload(UploadConfig(root=str(tmp_path / "runs"), uri=REMOTE.uri), said.append)
     assert said[-1] == "one: MLflow has all of it"
     assert len(server.points) == len(points(folder))
 
@@ -373,10 +374,26 @@ def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, 
     (folder / METRICS).write_bytes(b"not a table")
     server.up, said = True, []
     with pytest.raises(TrackingError, match="1 of 2 runs could not be sent"):
-        upload(UploadConfig(root=str(tmp_path)), said.append)
+        upload(UploadConfig(root=str(tmp_path), uri=REMOTE.uri), said.append)
     assert said[0].startswith("1: sent ")
     assert "metrics.parquet" in said[1]
     assert server.status == "FINISHED"
+
+
+@pytest.mark.parametrize(
+    "named",
+    [{"uri": "http://evil.example:80"}, {"uri": "sqlite:////tmp/of_mine.db"}, {"uri": None, "root": "elsewhere"}],
+)
+def test_a_folder_of_others_does_not_choose_where_it_is_sent_to(tmp_path, server, named):
+    """Neither an address, nor a file beside which the store of its root would lie; what is named is made by nobody."""
+    config = settings(tmp_path / "theirs")
+    tracking, root = TrackingConfig(uri=named["uri"]), str(tmp_path / named.get("root", "theirs"))
+    folder = tmp_path / "theirs" / "run"
+    write_run(dataclasses.replace(config, folder=str(folder), root=root, tracking=tracking))
+    for asked in ({"run": str(folder)}, {"root": str(tmp_path / "theirs")}):
+        with pytest.raises(TrackingError, match=r"names the store|could not be sent"):
+            upload(UploadConfig(**asked))
+    assert server.points == [] and not (tmp_path / "elsewhere").exists()
 
 
 def test_another_store_gets_the_whole_run(tmp_path, server):
@@ -425,7 +442,7 @@ def test_the_password_of_a_server_stands_in_no_file_nor_message_and_a_run_goes_o
     server.up = True
     folder = run(short_run(tmp_path / "run", tracking=tracking)).folder
     assert server.points == points(folder)
-    upload(UploadConfig(run=str(folder)))
+    upload(UploadConfig(run=str(folder), uri="http://me@127.0.0.1:9"))
     assert "s3cret" not in "".join(capfd.readouterr())
     for path in folder.rglob("*"):
         assert path.is_dir() or b"s3cret" not in path.read_bytes(), path
