@@ -116,3 +116,27 @@ def test_costs_that_are_no_numbers_are_refused(wrong):
     cost[1, 1] = wrong
     with pytest.raises(SegarError, match="finite numbers"):
         emd(cost)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-12, 1e4, 1e6, 1e12, 1e200])
+def test_masses_of_any_sum_count_in_proportion(scale):
+    rng = np.random.default_rng(1)
+    for size in ((50, 40), (3, 7), (1, 5)):
+        cost, a, b = rng.random(size), rng.random(size[0]), rng.random(size[1])
+        assert emd(cost, a * scale, b / scale) == pytest.approx(emd(cost, a, b), rel=1e-9)
+
+
+def test_masses_and_costs_that_are_very_unlike_have_the_exact_optimum_or_none():
+    """Of two by two points by rational numbers: the cost is linear in what goes from the first to the first."""
+    rng, refused = np.random.default_rng(2), 0
+    for _ in range(200):
+        a, b = (10.0 ** rng.uniform(-15, 0, 2) for _ in range(2))
+        cost = 10.0 ** rng.uniform(-12, 0, (2, 2))
+        (p, _), (r, s) = ([Fraction(x) / sum(map(Fraction, w)) for x in w] for w in (a, b))
+        (c, d), (e, f) = (map(Fraction, row) for row in cost)
+        least = min(x * c + (p - x) * d + (r - x) * e + (s - p + x) * f for x in (max(Fraction(0), p - s), min(p, r)))
+        try:
+            assert emd(cost, a, b) == pytest.approx(float(least), rel=1e-9)
+        except SegarError:
+            refused += 1
+    assert refused < 10
