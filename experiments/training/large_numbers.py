@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Mapping
+from itertools import islice
 
 import numpy as np
 
 from experiments.levels.builders import Prepared
-from segar.envs import VectorEnv
+from segar.envs import VectorEnv, play
+from segar.evaluation import Random
 from segar.observations import StateVector
 
 LARGE = 10.0  # a network whose weights start at the usual size learns badly from numbers beyond
@@ -17,8 +19,8 @@ NUM_ENVS, MOST_STEPS = 8, 200
 def large_numbers(prepared: Prepared) -> dict[str, float]:
     """The numbers that exceed ``LARGE`` in more than ``SHARE`` of the states of random play, and the largest of each.
 
-    One episode's steps in ``NUM_ENVS`` environments are played, at most ``MOST_STEPS``. The environments, their seed and
-    the generator of the actions belong to this function, so that a run has the same results with and without it. Of
+    One episode in each of ``NUM_ENVS`` environments is played, at most ``MOST_STEPS`` of its steps. The environments, their
+    seed and the policy belong to this function, so that a run has the same results with and without it. Of
     observations other than :class:`segar.observations.StateVector` nothing is known.
 
     Returns:
@@ -30,13 +32,7 @@ def large_numbers(prepared: Prepared) -> dict[str, float]:
         return {}
     env = VectorEnv(prepared.level_sets[0], NUM_ENVS, seed=0, **options)
     names = env.observation.names  # type: ignore[attr-defined]
-    rng = np.random.default_rng(0)
-    seen, _ = env.reset()
-    states = [seen]
-    for _ in range(min(env.task.max_steps, MOST_STEPS)):
-        actions = rng.uniform(env.action_space.low, env.action_space.high)  # type: ignore[attr-defined]
-        seen, *_ = env.step(actions.astype(np.float32))
-        states.append(seen)
+    states = [now.observation for now in islice(play(env, Random(0), env.reset()), MOST_STEPS + 1)]
     env.close()
     numbers = np.concatenate(states).astype(float).reshape(-1, len(names))
     sizes = np.where(numbers == state.missing, 0.0, np.abs(numbers))

@@ -1,11 +1,11 @@
 """What several trials on a level ask of an agent, said before training begins."""
 
+from itertools import islice
 from typing import Any
 
-import numpy as np
-
 from experiments.levels.builders import Prepared
-from segar.envs import VectorEnv
+from segar.envs import VectorEnv, play
+from segar.evaluation import Random
 
 NUM_ENVS = 8
 
@@ -36,9 +36,6 @@ def trials_cost(prepared: Prepared) -> bool:
     """Whether a step of random play at the start of an episode has a negative reward in each of ``NUM_ENVS`` environments,
     which are this function's own."""
     env = VectorEnv(prepared.level_sets[0], NUM_ENVS, seed=0, **prepared.env_options())
-    env.reset()
-    space: Any = env.action_space
-    actions = np.random.default_rng(0).uniform(space.low, space.high)
-    _, reward, *_ = env.step(actions.astype(np.float32))
+    _, first = islice(play(env, Random(0), env.reset()), 2)
     env.close()
-    return bool((np.asarray(reward) < 0).all())
+    return bool((first.reward < 0).all())

@@ -2,13 +2,15 @@
 begins."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from experiments.levels.builders import Prepared
 from experiments.runs.level_prints import is_own
-from segar.envs import VectorEnv
+from segar.envs import VectorEnv, play
+from segar.evaluation import Random
 from segar.language import Factor, Parameter, Position
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, StateVector
@@ -113,15 +115,12 @@ def _at_start(levels: Levels, hidden: Hidden) -> Iterator[Values]:
 
 
 def _in_play(levels: Levels, hidden: Hidden, options: Mapping[str, Any]) -> Iterator[Values]:
-    """The values in the steps of random play, whose environments and generator belong to this function."""
+    """The values in the steps of random play, whose environments and policy belong to this function."""
     env = VectorEnv(levels, NUM_ENVS, seed=0, **options)
-    rng = np.random.default_rng(0)
-    _, info = env.reset()
-    for _ in range(min(env.task.max_steps, MOST_STEPS)):
-        actions = rng.uniform(env.action_space.low, env.action_space.high)  # type: ignore[attr-defined]
-        *_, info = env.step(actions.astype(np.float32))
+    for now in islice(play(env, Random(0), env.reset()), 1, MOST_STEPS + 1):
+        values = now.info["factors"]
         yield {
-            (name, f): info["factors"][f.__name__].reshape(NUM_ENVS, -1, f.width)[:, levels.layout.slot_index(name)]
+            (name, f): values[f.__name__].reshape(NUM_ENVS, -1, f.width)[:, levels.layout.slot_index(name)]
             for name, factors in hidden.items()
             for f in factors
         }

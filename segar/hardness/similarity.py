@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from segar.errors import LevelError, SegarError
 from segar.hardness.planner import Plan
@@ -75,7 +76,7 @@ def policy_similarity(a: Plan | Episodes, b: Plan | Episodes, gamma: float = 0.9
     _check(a, b, gamma)
     total = np.zeros((len(a.steps), len(b.steps)))
     for t in range(int(max(a.steps.max(), b.steps.max()))):
-        total += gamma**t * _apart(_actions(a, t), _actions(b, t))
+        total += gamma**t * cdist(_actions(a, t), _actions(b, t))
     return total
 
 
@@ -90,11 +91,6 @@ def _response(starts: Starts, sequence: np.ndarray, columns: list[int]) -> np.nd
 def _actions(plan: Plan | Episodes, step: int) -> np.ndarray:
     """What is done in each level at a step, nothing where the time of that plan's task is over."""
     return plan.actions[:, step] if step < plan.actions.shape[1] else np.zeros_like(plan.actions[:, 0])
-
-
-def _apart(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Euclidean distances of actions, ``(len(x), len(y))``."""
-    return np.sqrt(((x[:, None].astype(float) - y[None]) ** 2).sum(axis=-1))
 
 
 def _check(a: Plan | Episodes, b: Plan | Episodes, gamma: float) -> None:

@@ -108,7 +108,7 @@ def test_twins_are_of_the_test_levels_of_a_run_or_of_another_distribution(on_a_r
         differs = [row["group"] for row in rows if row["differs"] == "True"]
         assert differs == ([] if name == "tests.raft:calm" else ["CurrentStrength"])
         assert all(row["twins"] == str(n or 3) for row in rows)
-    with pytest.raises(ConfigError, match="twins: .* are of levels of a test distribution, and train are none"):
+    with pytest.raises(ConfigError, match=r"twins: .* are of levels of a test distribution, and train are none"):
         evaluate(EvaluateConfig(str(on_a_raft), levels="train", twins=True, **QUICK))
 
 
