@@ -76,13 +76,13 @@ class Collected:
 
 @dataclass
 class Asked:
-    """What the experiments of a plan ask of a run; each thing has the title of the first experiment that asks for it.
+    """What the experiments of a plan ask of a run; each thing has the name of the first experiment that asks for it.
 
     Attributes:
-        title: for the run. experiments: their names. transfers: by their names. probes: empty where none asks for them.
+        first: for the run. experiments: their names. transfers: by their names. probes: empty where none asks for them.
     """
 
-    title: str
+    first: str
     experiments: list[str] = dataclasses.field(default_factory=list)
     transfers: dict[str, str] = dataclasses.field(default_factory=dict)
     probes: str = ""
@@ -155,12 +155,12 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
     for name, one in sorted(runs_of(plan).items()):
         folder = root / name
         if name in imported:
-            lacking = {what: title for what, title in one.transfers.items() if (name, what) not in transferred}
+            lacking = {what: by for what, by in one.transfers.items() if (name, what) not in transferred}
             lacking |= {"probes": one.probes} if one.probes and (name, name) not in asked else {}
-            missing += [(name, f"the imported tables lack {what}", title) for what, title in lacking.items()]
+            missing += [(name, f"the imported tables lack {what}", by) for what, by in lacking.items()]
             continue
         if not is_finished(folder):
-            missing.append((name, "not finished" if folder.exists() else "not begun", one.title))
+            missing.append((name, "not finished" if folder.exists() else "not begun", one.first))
             continue
         config, summary = read_config(folder), read_summary(folder)
         place = run_columns(config, name)
@@ -175,12 +175,12 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
             tables["probes"].append(probe_rows(folder, place))
         elif one.probes:
             missing.append((name, "probes are not finished", one.probes))
-        for transfer, title in one.transfers.items():
+        for transfer, by in one.transfers.items():
             there = folder / EVALUATIONS / transfer
             tested = read_evaluation(there)
             lacks = " is not finished" if tested is None else of_another_agent(folder, tested)
             if tested is None or lacks:
-                missing.append((name, transfer + lacks, title))
+                missing.append((name, transfer + lacks, by))
                 continue
             played = read_table(there / EPISODES)
             row = transfer_row(tested, played, episodes, place, transfer)
@@ -191,7 +191,9 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
     joined = {name: with_level_seeds(join(parts)) for name, parts in tables.items()}
     for name in ("runs", "transfers"):
         joined[name] = sort_rows(joined[name])
-    return Collected(**joined, missing=pd.DataFrame(missing, columns=["run", "reason", "experiment"]))
+    lacking = pd.DataFrame(missing, columns=["run", "reason", "name"])
+    titles = {one["name"]: one["title"] for one in plan["experiments"]}
+    return Collected(**joined, missing=lacking.assign(experiment=lacking["name"].map(titles)))
 
 
 def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:
@@ -297,12 +299,12 @@ def runs_of(plan: Mapping[str, Any]) -> dict[str, Asked]:
     """What a plan asks of each run."""
     found: dict[str, Asked] = {}
     for experiment in plan["experiments"]:
-        title = experiment["title"]
+        name = experiment["name"]
         for run in experiment["runs"]:
-            one = found.setdefault(run["folder"], Asked(title))
-            one.experiments.append(experiment["name"])
-            one.transfers |= {name: title for name in run["transfers"] if name not in one.transfers}
-            one.probes = one.probes or (title if run.get("probes", False) else "")
+            one = found.setdefault(run["folder"], Asked(name))
+            one.experiments.append(name)
+            one.transfers |= {asked: name for asked in run["transfers"] if asked not in one.transfers}
+            one.probes = one.probes or (name if run.get("probes", False) else "")
     return found
 
 

@@ -33,7 +33,7 @@ REQUIRED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "v
           "success_train_deterministic", "success_test_deterministic", "episodes_train_deterministic",
           "episodes_test_deterministic")  # fmt: skip
 WHOSE = ("run", *BLOCK, "n", "algorithm")  # which no run may lack: means are over runs of one kind
-ETA = "eta_test_deterministic"
+ETA, SUCCESS = "eta_test_deterministic", "success_test_deterministic"
 LESS_REGRET = "less_regret"
 TEST_COLUMNS = ("test_family", "test_difficulty", "test_variation", "test_observation", "test_changed", "test_groups")
 FRAME, STACK, MEMORY = "one frame", "four frames", "one frame, a memory"

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
 
 import pandas as pd
 
 from analysis.report.claims import verdicts
+from analysis.report.rules import ALPHA, PRESENT
+from analysis.stats.association import holm
 from analysis.stats.estimate import Estimate
 
 CLAIMS = "claims.csv"  # of claims_table
@@ -29,11 +33,14 @@ class Finding:
     sign: int  # of the claimed effect; 0 where none is claimed
     runs: str = LEARNED  # LEARNED leads; ALL_RUNS is the same test with the runs that did not learn, too
     survives: bool = True  # whether the specifications of the same test agree, where there are any
-    corrected: bool = False  # whether its p is Holm's, over the tests of its claim
+    lacks_room: str = ""  # why no effect as large as the margin could be seen, if so
+    beside: str = ""  # what quantities that know nothing of levels say in place of a distance
 
     @property
     def verdict(self) -> str:
         """The verdict on this test by itself."""
+        if self.lacks_room:
+            return verdicts.NOT_TESTABLE
         if self.sign:
             verdict = verdicts.of_effect(self.found, self.sign, self.margin)
         else:
@@ -48,7 +55,24 @@ class Finding:
     def row(self) -> dict[str, object]:
         """The finding as a row of ``claims.csv``."""
         said = {"settings": self.settings, "runs": self.runs, "test": self.test, "measure": self.measure}
-        return self.found.row(**said, margin=self.margin, power=self.power, verdict=self.verdict)
+        found = dataclasses.replace(self.found, note="; ".join(filter(None, (self.found.note, self.lacks_room))))
+        return found.row(**said, margin=self.margin, power=self.power, verdict=self.verdict, beside=self.beside)
+
+
+@dataclass(frozen=True)
+class Planned:
+    """How many runs were planned for a claim, and how many of them are there, whether or not they learned."""
+
+    planned: int = 0
+    present: int = 0
+
+    @property
+    def is_short(self) -> bool:
+        """Whether too many are missing for a verdict."""
+        return self.present < PRESENT * self.planned
+
+    def __str__(self) -> str:
+        return f"{self.present} of {self.planned} planned runs are there, {self.planned - self.present} are missing"
 
 
 @dataclass(frozen=True)
@@ -64,12 +88,27 @@ class Claim:
     note: str = ""
     of: str = OF_PAPER
     runs: str = LEARNED  # which runs its verdict is about
+    planned: Planned = Planned()
+    corrected: Mapping[tuple[str, str], float] = field(
+        default_factory=dict
+    )  # Holm's p over its family, by settings and runs
 
     def verdict(self, settings: str = METRIC_2022, runs: str = "") -> str:
         """The verdict in these settings; empty where the claim has no test in them, but has in others."""
         if self.findings and not self.has(settings):
             return ""
-        return verdicts.combined(one.verdict for one in self.tests(settings, runs or self.runs))
+        if self.planned.is_short:
+            return verdicts.NOT_YET
+        found = verdicts.combined(one.verdict for one in self.tests(settings, runs or self.runs))
+        is_weak = self.corrected.get((settings, runs or self.runs), 0.0) >= ALPHA
+        return verdicts.UNDECIDED if found == verdicts.SUPPORTED and is_weak else found
+
+    def largest_p(self, settings: str, runs: str) -> float:
+        """The largest p of its tests, all of which must hold; 1 where one has none, NaN for a claim of absence."""
+        tests = self.tests(settings, runs)
+        if any(one.sign == 0 for one in tests):
+            return math.nan
+        return max((one.found.p if math.isfinite(one.found.p) else 1.0 for one in tests), default=1.0)
 
     def has(self, settings: str) -> bool:
         """Whether there is any test in these settings."""
@@ -84,6 +123,17 @@ class Claim:
         return dataclasses.replace(self, follows=follows, needs=needs)
 
 
+def with_holm(claims: Sequence[Claim]) -> list[Claim]:
+    """The claims with Holm's p of each claim of an effect, over all claims of the same maker, tested or not."""
+    corrected: dict[str, dict[tuple[str, str], float]] = {one.name: {} for one in claims}
+    for of, settings, runs in product((OF_PAPER, OF_OURS), (METRIC_2022, METRIC_OURS), (LEARNED, ALL_RUNS)):
+        p = {one.name: one.largest_p(settings, runs) for one in claims if one.of == of}
+        p = {name: value for name, value in p.items() if math.isfinite(value)}
+        for name, value in zip(p, holm([*p.values()]), strict=True):
+            corrected[name][settings, runs] = float(value)
+    return [dataclasses.replace(one, corrected=corrected[one.name]) for one in claims]
+
+
 def claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
     """``claims.csv``: one row per test; a claim without tests has one row that says what it needs."""
     rows = []
@@ -94,13 +144,18 @@ def claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
             for settings, name in ((METRIC_2022, "2022"), (METRIC_OURS, "ours"))
             for runs, suffix in ((LEARNED, ""), (ALL_RUNS, "_all_runs"))
         }
-        tail = {**of_claim, "needs": claim.needs, "follows": claim.follows}
-        rows += [{**head, **one.row(), **tail} for one in claim.findings]
+        counted = {"planned": claim.planned.planned, "present": claim.planned.present}
+        tail = {**of_claim, **counted, "needs": claim.needs, "follows": claim.follows}
+        rows += [
+            {**head, **one.row(), "p_holm": claim.corrected.get((one.settings, one.runs)), **tail}
+            for one in claim.findings
+        ]
         if not claim.findings:
-            rows.append({**head, "verdict": verdicts.NOT_TESTABLE, **tail})
+            rows.append({**head, "verdict": claim.verdict(METRIC_OURS), **tail})
     columns = ["claim", "of", "where", "statement", "settings", "runs", "test", "measure", "estimate", "low", "high", "n",
-               "p", "margin", "power", "verdict", "note", "of_claim_2022", "of_claim_ours", "of_claim_2022_all_runs",
-               "of_claim_ours_all_runs", "follows", "needs"]  # fmt: skip
+               "p", "p_holm", "margin", "power", "beside", "verdict", "note", "of_claim_2022", "of_claim_ours",
+               "of_claim_2022_all_runs",
+               "of_claim_ours_all_runs", "planned", "present", "follows", "needs"]  # fmt: skip
     return pd.DataFrame(rows, columns=columns)
 
 

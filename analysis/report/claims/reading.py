@@ -3,39 +3,42 @@
 import dataclasses
 from collections.abc import Mapping
 
-from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
+from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding, with_holm
 from analysis.report.claims.evidence import Evidence
+from analysis.report.claims.planned import planned_of
 from analysis.report.claims.rows import ROWS
 from analysis.report.claims.specifications import specifications, survives
 from analysis.report.claims.statements import STATEMENTS, tested
-from analysis.report.claims.tests import with_holm
 from analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS
 
 
 def read_claims(evidence: Evidence) -> list[Claim]:
     """All claims with their findings, in the order of ``statements.yaml``."""
     table = specifications(evidence)
-    return [read_claim(name, evidence, survives(table, name)) for name in STATEMENTS["claims"]]
+    found = with_holm([claim_of(name, evidence, survives(table, name)) for name in STATEMENTS["claims"]])
+    return [with_consequence(one, evidence) for one in found]
 
 
-def read_claim(name: str, evidence: Evidence, survives: bool = True) -> Claim:
-    """The claim with its findings, and what follows from its verdicts; or what it takes to test it.
-
-    Args:
-        survives: whether the claim's specifications agree with it.
-    """
-    words, needs = STATEMENTS["claims"][name], STATEMENTS["evidence"]
-    rows = ROWS[words["evidence"]](evidence)
+def claim_of(name: str, evidence: Evidence, survives: bool) -> Claim:
+    """The claim with its findings, and the runs that were planned for it; ``survives``: whether its specifications agree."""
+    words = STATEMENTS["claims"][name]
     leading = (dataclasses.replace(one, survives=survives) for one in findings_of(name, evidence))
     of_all = (dataclasses.replace(one, runs=ALL_RUNS) for one in findings_of(name, evidence.ungated))
-    claim = Claim(
+    return Claim(
         name,
         words["says"],
         words["where"],
         (*leading, *of_all),
         note=words.get("note", ""),
         of=words.get("of", OF_PAPER),
+        planned=planned_of(name, evidence),
     )
+
+
+def with_consequence(claim: Claim, evidence: Evidence) -> Claim:
+    """The claim with what follows from its verdicts, or with what it takes to test it."""
+    name, words, needs = claim.name, STATEMENTS["claims"][claim.name], STATEMENTS["evidence"]
+    rows = ROWS[words["evidence"]](evidence)
     follows = consequence(claim, words)
     if not follows:
         lacks = words.get("else_needs", words["evidence"]) if len(rows) else words["evidence"]
@@ -50,11 +53,7 @@ def findings_of(name: str, evidence: Evidence) -> list[Finding]:
     """The findings of a claim's tests; none where the runs that it is about are missing."""
     words = STATEMENTS["claims"][name]
     rows = ROWS[words["evidence"]](evidence)
-    found = tested(evidence, rows, name) if len(rows) else []
-    if not words.get("holm"):
-        return found
-    parts = ([one for one in found if one.settings == settings] for settings in (METRIC_2022, METRIC_OURS))
-    return [one for part in parts for one in with_holm(part)]
+    return tested(evidence, rows, name) if len(rows) else []
 
 
 def consequence(claim: Claim, words: Mapping[str, str]) -> str:

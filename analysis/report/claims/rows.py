@@ -7,7 +7,7 @@ import pandas as pd
 
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.statements import METRICS
-from analysis.report.results import ETA, MEMORY, Results, less_partner
+from analysis.report.results import ETA, LESS_REGRET, MEMORY, SUCCESS, Results, less_partner
 from analysis.report.rules import WHOLE
 from analysis.studies.w2 import TEST_LEVELS
 from analysis.tables import column, count_of, keep, pick, select
@@ -84,10 +84,26 @@ def probes_with_masses(evidence: Evidence) -> pd.DataFrame:
     return accuracies(evidence.results, keep(masses, masses["past"] != MEMORY))
 
 
+def matched_states(evidence: Evidence) -> pd.DataFrame:
+    """The matched sets of agents that see states, with ``relative_regret``: the regret on test levels in parts of its mean
+    after sets like independent ones of the same family and number of levels; none where the planner was not measured."""
+    runs = evidence.results.with_less_regret(evidence.results.of("matched_sets_states"))
+    if runs.empty or LESS_REGRET not in runs:
+        return runs.head(0)
+    like, cell = select(runs, design="matched"), ["family", "n"]
+    means = like.groupby(cell)[LESS_REGRET].mean().rename("usual").reset_index()
+    runs = runs.merge(means, on=cell)
+    return runs.assign(relative_regret=runs[LESS_REGRET] / runs["usual"])
+
+
 def soft_actor_critic(evidence: Evidence) -> pd.DataFrame:
-    """The runs of the appendix on SAC; ``agent`` tells SAC, which DrQ is from pixels, from PPO."""
+    """The runs of the appendix on SAC: ``agent`` tells SAC, which DrQ is from pixels, from PPO; ``return_less_ppo`` and
+    ``success_less_ppo`` are beside PPO after as many frames."""
     runs = evidence.results.of("appendix_sac")
-    return runs.assign(agent=[SAC if name.startswith(("sac", "drq")) else PPO for name in map(str, runs["algorithm"])])
+    runs = runs.assign(agent=[SAC if name.startswith(("sac", "drq")) else PPO for name in map(str, runs["algorithm"])])
+    ppo, at = select(runs, agent=PPO), ["family", "difficulty", "n", "seed", "frames"]
+    names = {"return_less_ppo": ETA, "success_less_ppo": SUCCESS}
+    return runs.assign(**{name: less_partner(runs, ppo, value, at) for name, value in names.items()})
 
 
 def distances_of_empty(evidence: Evidence) -> pd.DataFrame:
@@ -181,6 +197,7 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "several seeds": several_seeds,
     "one number of levels": one_number_of_levels,
     "matched sets": lambda evidence: evidence.results.of("matched_sets"),
+    "matched sets from states": matched_states,
     "the paper's agent": papers_agent,
     "harder levels": harder_levels,
     "probes": probes,

@@ -7,16 +7,18 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
+from analysis.report.claims.claim import METRIC_OURS
 from analysis.report.claims.evidence import GIVEN_CELL, Evidence
-from analysis.report.claims.rows import LEVELS, PROBES, accuracies
-from analysis.report.claims.statements import STATEMENTS
+from analysis.report.claims.rows import LEVELS, PROBES, ROWS, accuracies
+from analysis.report.claims.statements import STATEMENTS, tested
 from analysis.report.claims.verdicts import is_known, is_significant
-from analysis.report.results import LESS_REGRET
+from analysis.report.results import ETA, LESS_REGRET, SUCCESS
 from analysis.report.rules import MARGINS
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, keep, select
 from experiments.reproduction.experiment_file import SIGNS
 
+Specification = tuple[str, dict[str, str], Estimate]  # the claim, the choices, and what they give
 SHARE = 0.8  # of the specifications that must agree
 # Each choice in words, with the column that stands for it; a column that the tables do not have is left out.
 FORMS = {"n as a factor": "levels", "log n": "log_n", "1/sqrt n": "inverse_root_n"}
@@ -27,43 +29,80 @@ DISTANCES = {
     "W2 of 2022": "w2_reference",
 }
 OUTCOMES = {"return": "gap", "success": "gap_success", "regret": LESS_REGRET}
-CLAIMS = ("3a-n", "3a-cell", "4b-none")  # that have specifications
+ALL_COUNTS, SEVERAL = "all", "more than one"  # which runs, by their number of training levels or rule sets
+NOT_GIVEN = "not given"
+# The claims that have specifications of distances: what is given, but for the number of levels.
+OF_DISTANCE = {"3a": (), "3a-panel": ("panel",), "3a-n": ("panel",), "3a-cell": ("cell",), "3a-agent": ("panel",)}
 
 
 @lru_cache(maxsize=1)
 def specifications(evidence: Evidence) -> pd.DataFrame:
-    """One row per specification: ``claim``, the choices ``number of levels``, ``measure``, ``outcome``, and the estimate.
+    """One row per specification: ``claim``, its ``number of levels``, ``measure``, ``outcome``, ``runs``, and the estimate.
 
-    Claims, the figure, the text and the CSV file of a report ask for the same table, which takes two seconds.
+    Claims, the figure, the text and the CSV file of a report ask for the same table, which takes some seconds.
     """
-    rows = [
-        found.row(claim=claim, **choices)
-        for claim, choices, found in (*of_distances(evidence), *of_accuracies(evidence))
-        if is_known(found)
-    ]
+    found = (of_distances(evidence), of_rule_sets(evidence), of_diversity(evidence), of_accuracies(evidence))
+    rows = [one.row(claim=claim, **choices) for part in found for claim, choices, one in part if is_known(one)]
     return pd.DataFrame(rows)
 
 
-def of_distances(evidence: Evidence) -> Iterator[tuple[str, dict[str, str], Estimate]]:
-    """The specifications of 3a-n and 3a-cell."""
-    main = prepared(evidence, evidence.main)
-    for (distance, x), (outcome, y) in product(there(DISTANCES, main), there(OUTCOMES, main)):
-        rows = keep(main, np.isfinite(column(main, x)) & np.isfinite(column(main, y)))
-        for form, n in FORMS.items():
-            choices = {"number of levels": form, "measure": distance, "outcome": outcome}
-            yield "3a-n", choices, evidence.correlation(rows, x, y, ("panel", n))
-        choices = {"number of levels": GIVEN_CELL, "measure": distance, "outcome": outcome}
-        yield "3a-cell", choices, evidence.correlation(rows, x, y, ("cell",))
+def of_distances(evidence: Evidence) -> Iterator[Specification]:
+    """The specifications of correlations with a distance."""
+    main, agent = (prepared(evidence, ROWS[name](evidence)) for name in ("main grid", "the paper's agent"))
+    for claim, given in OF_DISTANCE.items():
+        runs = agent if claim == "3a-agent" else main
+        forms = FORMS if claim == "3a-n" else {GIVEN_CELL if claim == "3a-cell" else NOT_GIVEN: ""}
+        outcomes = there(OUTCOMES, runs)[
+            : 1 if claim == "3a" else None
+        ]  # panels have other successes, whatever the distance
+        for (which, part), (distance, x), (outcome, y) in product(
+            by_number(runs, "n"), there(DISTANCES, runs), outcomes
+        ):
+            rows = keep(part, np.isfinite(column(part, x)) & np.isfinite(column(part, y)))
+            for form, n in forms.items():
+                choices = {"number of levels": form, "measure": distance, "outcome": outcome, "runs": which}
+                yield claim, choices, evidence.correlation(rows, x, y, (*given, *filter(None, [n])))
 
 
-def of_accuracies(evidence: Evidence) -> Iterator[tuple[str, dict[str, str], Estimate]]:
+def of_rule_sets(evidence: Evidence) -> Iterator[Specification]:
+    """Those of rule-sets, with one rule set and without."""
+    for which, part in by_number(ROWS["numbers of rule sets"](evidence), "rule_sets"):
+        for one in tested(evidence, part, "rule-sets"):
+            choices = {
+                "number of levels": NOT_GIVEN,
+                "measure": "number of rule sets",
+                "outcome": "success",
+                "runs": which,
+            }
+            yield "rule-sets", choices, one.found
+
+
+def of_diversity(evidence: Evidence) -> Iterator[Specification]:
+    """Those of 5b-diversity: success or return on test levels, with one training level and without."""
+    for (which, part), (outcome, y) in product(
+        by_number(evidence.main, "n"), {"success": SUCCESS, "return": ETA}.items()
+    ):
+        for one in tested(evidence, part, "5b-diversity", of=y):
+            if one.settings == METRIC_OURS:
+                choices = {"number of levels": "factor", "measure": "R²", "outcome": outcome, "runs": which}
+                yield "5b-diversity", choices, one.found
+
+
+def by_number(runs: pd.DataFrame, of: str) -> list[tuple[str, pd.DataFrame]]:
+    """All runs, and those with more than one training level or rule set, where these are others."""
+    parts = [(ALL_COUNTS, runs)] if len(runs) else []
+    several = keep(runs, runs[of] > 1) if parts else runs
+    return parts + [(SEVERAL, several)] * (0 < len(several) < len(runs))
+
+
+def of_accuracies(evidence: Evidence) -> Iterator[Specification]:
     """The specifications of 4b-none."""
     probed = prepared(evidence, accuracies(evidence.results, evidence.main))
     for probe, levels, (outcome, y) in product(PROBES.values(), LEVELS, there(OUTCOMES, probed)):
         rows = select(probed, probe=probe)
         for form, n in FORMS.items():
             measure = f"{'accuracy of 2022' if probe == 'paper' else 'corrected accuracy'} on {levels} levels"
-            choices = {"number of levels": form, "measure": measure, "outcome": outcome}
+            choices = {"number of levels": form, "measure": measure, "outcome": outcome, "runs": ALL_COUNTS}
             yield "4b-none", choices, evidence.correlation(rows, f"accuracy_{levels}", y, ("panel", n))
 
 
@@ -88,7 +127,7 @@ def in_words(table: pd.DataFrame, claim: str) -> str:
     rows = select(table, claim=claim)
     found = np.array([is_significant(Estimate.of_row(row)) for row in rows.to_dict("records")])  # type: ignore[arg-type]
     r, said = column(rows, "estimate"), []
-    for choice in ("number of levels", "measure", "outcome"):
+    for choice in ("number of levels", "measure", "outcome", "runs"):
         parts = {name: np.asarray(rows[choice] == name) for name in dict.fromkeys(rows[choice])}
         if len(parts) > 1:
             said.append(", ".join(f"{name} {found[part].sum()} of {part.sum()}" for name, part in parts.items()))
@@ -100,7 +139,7 @@ def in_words(table: pd.DataFrame, claim: str) -> str:
 def survives(table: pd.DataFrame, claim: str) -> bool:
     """Whether the specifications of a claim agree with it, by the rules; a claim without any is not held back."""
     rows = select(table, claim=claim).to_dict("records") if len(table) else []
-    if claim not in CLAIMS or not rows:
+    if not rows:
         return True
     found = [Estimate.of_row({str(k): v for k, v in row.items()}) for row in rows]
     sign = SIGNS[STATEMENTS["claims"][claim]["tests"][0]["expected"]]

@@ -1,6 +1,5 @@
 """A test as data, and what runs say of it: the same for the paper's claims and for those of a user's study."""
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,16 +8,23 @@ import numpy as np
 import pandas as pd
 
 from analysis.report.claims.claim import Finding
-from analysis.report.claims.evidence import Evidence, matrix
+from analysis.report.claims.evidence import Evidence, matrix, pearson
+from analysis.report.number_format import signed
 from analysis.report.results import BLOCK, paired
 from analysis.report.rules import MARGINS
-from analysis.stats.association import holm
 from analysis.stats.correlation import explained
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, keep
 from experiments.reproduction.experiment_file import SIGNS
+from experiments.reproduction.grid import NUMBERS_OF_LEVELS
 
 SAME = ("family", "difficulty", "n", "seed")  # what the runs of a pair share, unless a test says otherwise
+DUMMIES = {"one_level": "[n = 1]", "log_n": "log n"}  # which know nothing of levels
+# Outcomes in shares of levels, and where they end; a gap closes at 0.
+ENDS = {"gap_success": (-1.0, 0.0), "last_trial": (0.0, 1.0)} | {
+    f"success_{levels}_{mode}": (0.0, 1.0) for levels in ("train", "test") for mode in ("deterministic", "sampled")
+}
+OUTER = (0.05, 0.95)  # percentiles between which nine of ten runs lie
 Found = tuple[str, Estimate, float]  # what the estimate is, the estimate, and the margin that follows from the rows
 
 
@@ -49,6 +55,7 @@ class StatedTest:
         default_factory=dict
     )  # only the runs with these values, or one of a list of values
     several: str = ""  # a column that must have two values or more
+    room: str = ""  # the share of levels that is asked for room, where the outcome of a correlation is none
     margin: float | str = ""  # a number, the name of a rule's margin, or what the rules have for such a test
 
 
@@ -59,7 +66,50 @@ def finding_of(evidence: Evidence, rows: pd.DataFrame, test: StatedTest, setting
         return None
     measure, found, usual = TESTS[test.test](evidence, rows, test)
     margin = MARGINS.get(test.margin, usual) if isinstance(test.margin, str) else test.margin
-    return Finding(settings, test.words, measure, found, margin, SIGNS[test.expected])
+    beside = dummies(rows, test) if test.test == "correlation" else ""
+    return Finding(
+        settings,
+        test.words,
+        measure,
+        found,
+        margin,
+        SIGNS[test.expected],
+        lacks_room=no_room(rows, test, margin),
+        beside=beside,
+    )
+
+
+def no_room(rows: pd.DataFrame, test: StatedTest, margin: float) -> str:
+    """Why the outcome, a share of levels, leaves no room for an effect as large as the margin; "" where it does."""
+    share = test.room or test.of
+    if share not in ENDS or share not in rows:
+        return ""
+    if test.between:
+        first = differences(rows, test.of, test.between, test.same)
+        partner = column(first, test.of) - column(first, "difference")
+        values = np.concatenate([column(first, test.of), partner])
+    else:
+        values = column(rows, share)
+    if not np.isfinite(values).any():
+        return ""
+    low, high = np.nanquantile(values, OUTER)
+    least = MARGINS["success"]
+    if any(max(abs(low - end), abs(high - end)) < least for end in ENDS[share]):
+        return f"no room: {share} is within {least:g} of its end in nine of ten runs"
+    if not test.between or test.margin != "success" or test.expected == "none":
+        return ""
+    bottom, top = ENDS[share]
+    room = float(top - partner.mean() if test.expected == "positive" else partner.mean() - bottom)
+    return f"no room: {share} can change by {room:.3f} at most, less than {margin:g}" if room < margin else ""
+
+
+def dummies(rows: pd.DataFrame, test: StatedTest) -> str:
+    """What [n = 1] and log n say in place of a distance, where the number of levels varies and is not given."""
+    if not test.against.startswith("w2_") or count_of(rows, "n") < 2 or {*test.given} & {*NUMBERS_OF_LEVELS}:
+        return ""
+    known = rows.assign(one_level=(column(rows, "n") == 1).astype(float))
+    found = {words: pearson(known, name, test.of, test.given) for name, words in DUMMIES.items()}
+    return ", ".join(f"{words} {signed(one.estimate)}" for words, one in found.items())
 
 
 def correlation(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
@@ -135,12 +185,3 @@ def difference_of_r2(width: int) -> Callable[[np.ndarray], float]:
         return one - other
 
     return difference
-
-
-def with_holm(findings: Sequence[Finding]) -> list[Finding]:
-    """The tests of one claim of an effect with Holm's p-values, which can only weaken it."""
-    p = holm([one.found.p for one in findings])
-    corrected = (dataclasses.replace(one.found, p=float(q)) for one, q in zip(findings, p, strict=True))
-    return [
-        dataclasses.replace(one, found=found, corrected=True) for one, found in zip(findings, corrected, strict=True)
-    ]

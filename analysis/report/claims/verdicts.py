@@ -13,8 +13,9 @@ from analysis.report.rules import ALPHA
 from analysis.stats.estimate import Estimate
 from analysis.stats.resampling import to_normal
 
-SUPPORTED, NOT_SUPPORTED, UNDECIDED, NOT_TESTABLE = "supported", "not supported", "undecided", "cannot be tested"
-VERDICTS = (SUPPORTED, NOT_SUPPORTED, UNDECIDED, NOT_TESTABLE)
+SUPPORTED, NOT_SUPPORTED, UNDECIDED = "supported", "not supported", "undecided"
+NOT_YET, NOT_TESTABLE = "not yet tested", "cannot be tested"
+VERDICTS = (SUPPORTED, NOT_SUPPORTED, UNDECIDED, NOT_YET, NOT_TESTABLE)
 
 
 def of_effect(found: Estimate, sign: int, margin: float) -> str:

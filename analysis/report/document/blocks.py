@@ -7,13 +7,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from analysis.report.claims.claim import ALL_RUNS, LEARNED, METRIC_2022, METRIC_OURS, Claim, is_correlation
 from analysis.report.number_format import NONE, effect, effect_of_r, p_value, plain
 from analysis.stats.estimate import Estimate
 
-HOLM = "†"  # behind a p that is corrected
 IN_BLOCKS = re.compile(r"in (\d+) blocks")
 PIECE = re.compile(r"`([^`]+)`|\*\*([^*]+)\*\*")
 
@@ -119,8 +116,7 @@ def finding_rows(claim: Claim) -> list[list[str]]:
     return [
         [one.settings, SHORT.get(one.runs, one.runs), one.test, SHORT.get(one.measure, one.measure),
          *(effect_of_r if is_correlation(one.measure) else effect)(one.found), counted(one.found),
-         p_value(one.found.p) + (HOLM if one.corrected and np.isfinite(one.found.p) else ""), plain(one.margin),
-         plain(one.power), one.verdict]
+         p_value(one.found.p), plain(one.margin), plain(one.power), one.beside, one.verdict]
         for one in claim.findings
     ]  # fmt: skip
 
@@ -146,5 +142,6 @@ FINDING_HEAD = (
     "p",
     "margin",
     "power",
+    "in place of W2",
     "verdict",
 )

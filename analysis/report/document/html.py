@@ -7,7 +7,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from analysis.report.document.blocks import FINDING_HEAD, Document, Picture, finding_rows, pieces
 
-MARKS = {"supported": "✓", "not supported": "✗", "undecided": "?", "cannot be tested": "–"}
+MARKS = {"supported": "✓", "not supported": "✗", "undecided": "?", "not yet tested": "…", "cannot be tested": "–"}
 
 
 def page(document: Document) -> str:

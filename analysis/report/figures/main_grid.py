@@ -155,9 +155,10 @@ def specification_curves(evidence: Evidence) -> Drawn | str:
             look = {"fmt": "o", "color": colours[str(outcome)], "capsize": 2, "markersize": 4}
             axes.errorbar(column(rows_of, "estimate"), rows_of.index, xerr=error_bars(rows_of, "estimate"), **look)
         choices = [
-            ", ".join(dict.fromkeys((row["measure"], row["number of levels"]))) for row in part.to_dict("records")
+            ", ".join(dict.fromkeys((row["measure"], row["number of levels"], *["n > 1"] * (row["runs"] != "all"))))
+            for row in part.to_dict("records")
         ]
-        shown = [one.removesuffix(f", {GIVEN_CELL}") for one in choices]
+        shown = [one.replace(f", {GIVEN_CELL}", "") for one in choices]
         axes.set_yticks(range(len(part)), shown, fontsize=8)
         axes.set_ylim(-0.7, len(part) - 0.3)
         axes.set_xlim(-1.02, 1.02)

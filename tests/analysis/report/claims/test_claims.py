@@ -6,22 +6,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Finding
+from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.reading import read_claims
 from analysis.report.claims.rows import ROWS
 from analysis.report.claims.specifications import in_words, specifications, survives
 from analysis.report.claims.statements import METRICS, STATEMENTS, stated
-from analysis.report.claims.tests import TESTS, differences, with_holm
+from analysis.report.claims.tests import TESTS, differences
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED
 from analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS
 from analysis.report.document.beyond import CONTRASTS, contrasts
-from analysis.report.document.blocks import FINDING_HEAD, HOLM, finding_rows
+from analysis.report.document.blocks import FINDING_HEAD, finding_rows
 from analysis.report.number_format import NONE
 from analysis.report.results import read_results
 from analysis.report.rules import WHOLE
-from analysis.stats.estimate import Estimate
 from analysis.stats.prediction import left_out
 from tests.synthetic_results import everything, player_rows, run_rows, write_players, write_results
 
@@ -63,19 +62,9 @@ def test_accuracies_without_relation_to_the_gap_are_none(full):
     assert all(abs(one.found.estimate) < 0.3 for one in full["4b-none"].findings)
 
 
-def test_holm_weakens_effects_and_helps_no_claim_of_absence(full):
-    estimates = [Estimate(0.6, 0.0, 0.9, 9, p) for p in (0.04, 0.3, 0.2, 0.9)]
-    found = with_holm([Finding(METRIC_OURS, "", "Pearson r", one, 0.3, 1) for one in estimates])
-    assert found[0].found.p == pytest.approx(4 * 0.04) and all(one.corrected for one in found)
-    raw = full["5a-trends"].tests(METRIC_OURS)
-    assert raw and all((one.found.p < 0.05) == (one.found.low > 0 or one.found.high < 0) for one in raw)
-
-
-def test_tables_of_tests_count_blocks_mark_corrected_p_and_hide_r_without_an_interval(full, tmp_path):
-    corrected, alone = finding_rows(full["3b-trend"]), finding_rows(full["3a"])
-    n, p, r = (FINDING_HEAD.index(name) for name in ("n in blocks", "p", "effect"))
-    assert all(row[n].endswith(" in 6") and row[p].endswith(HOLM) for row in corrected)
-    assert not any(row[p].endswith(HOLM) for row in alone)
+def test_tables_of_tests_count_blocks_and_hide_r_without_an_interval(full, tmp_path):
+    n, r = (FINDING_HEAD.index(name) for name in ("n in blocks", "effect"))
+    assert all(row[n].endswith(" in 6") for row in finding_rows(full["3b-trend"]))
     few = claims_of(tmp_path, {"runs": run_rows(np.random.default_rng(1), "figure_3a", seeds=3)})
     assert {row[r] for row in finding_rows(few["3b-trend"])} == {NONE}
 
@@ -158,7 +147,7 @@ def test_the_papers_agent_is_judged_when_all_of_its_runs_are_there(tmp_path):
 
 def test_specifications_are_counted_with_their_signs():
     rows = [
-        {"claim": "3a-n", "number of levels": form, "measure": "exact W2", "outcome": outcome, "p": p,
+        {"claim": "3a-n", "number of levels": form, "measure": "exact W2", "outcome": outcome, "runs": "all", "p": p,
          **dict(zip(("estimate", "low", "high"), (r, r - 0.1, r + 0.1), strict=True)), "n": 9}
         for form, r in (("log n", -0.5), ("1/sqrt n", 0.5))
         for outcome, p in (("return", 0.01), ("success", 0.02), ("regret", 0.5))
@@ -172,11 +161,15 @@ def test_specifications_are_all_combinations_and_decide_what_survives(full, tmp_
     rng = np.random.default_rng(0)
     evidence = Evidence(read_results(write_results(tmp_path, {"runs": run_rows(rng, "figure_3a", seeds=6)})))
     table = specifications(evidence)
-    # Without the study of training sets, W2 is exact or that of 2022, each with its own returns, and there is no regret.
-    assert Counter(table["claim"]) == {"3a-n": 2 * 3, "3a-cell": 2}
+    # Without the study of training sets, W2 is exact or that of 2022, each with its own returns, and there is no regret. Each
+    # choice is made with all runs and without those with one level.
+    per_claim = {"3a": 2, "3a-panel": 2, "3a-n": 2 * 3, "3a-cell": 2, "5b-diversity": 1}
+    assert Counter(table["claim"]) == {name: 2 * number for name, number in per_claim.items()}
     assert full["3a-n"].verdict(METRIC_OURS) in (SUPPORTED, UNDECIDED)
     one_way = table.assign(estimate=-0.5, low=-0.7, high=-0.3, p=0.001)
-    assert survives(one_way, "3a-n") and not survives(one_way.assign(estimate=[0.1, *[-0.5] * 7]), "3a-n")
+    assert survives(one_way, "3a-n") and not survives(
+        one_way.assign(estimate=np.where(table.index == table.index[table["claim"] == "3a-n"][0], 0.1, -0.5)), "3a-n"
+    )
     assert not survives(one_way.assign(p=0.2), "3a-cell")
 
 
@@ -189,7 +182,8 @@ def test_regret_is_an_outcome_where_the_planner_is_known_and_falls_like_the_retu
     evidence = Evidence(read_results(folder))
     found = specifications(evidence)
     regret = found[(found["outcome"] == "regret") & (found["measure"] == "exact W2")]
-    assert set(regret["claim"]) == {"3a-n", "3a-cell"}
+    assert set(regret["claim"]) == {"3a-panel", "3a-n", "3a-cell"}
+    regret = regret[regret["runs"] == "all"]
     expected = evidence.correlation(evidence.main, "w2_exact", "eta_test_deterministic", ("cell",))
     (row,) = regret[regret["claim"] == "3a-cell"].to_dict("records")
     assert row["estimate"] == pytest.approx(expected.estimate) and row["estimate"] < 0
@@ -235,7 +229,7 @@ def test_every_claim_has_tests_that_can_be_stated_and_rows_and_every_sentence_a_
         assert words["evidence"] in ROWS
         assert all(one.test in TESTS for settings in METRICS for one in stated(name, settings, values))
         assert set(words) <= {
-            "of", "where", "says", "evidence", "else_needs", "holm", "tests", "note", "supported", "not_supported", "undecided",
+            "of", "where", "says", "evidence", "else_needs", "tests", "note", "supported", "not_supported", "undecided",
         }  # fmt: skip
 
 
