@@ -175,16 +175,16 @@ class Results:
         """Transfers with ``difference``: the return there less that of the same agent on its own test levels."""
         return paired(moved, self.runs, ETA, ["run"])
 
-    def missing_by_experiment(self) -> dict[str, tuple[int, int]]:
-        """The title of each experiment of which something is missing to how many runs are not finished, and of how many others
-        tests or probes are; empty where the tables do not name experiments."""
-        if self.missing is None or "experiment" not in self.missing:
-            return {}
-        found = {}
-        for title, part in self.missing.groupby("experiment", sort=False, dropna=False):
+    def missing_by_experiment(self) -> list[tuple[str, str, int, int]]:
+        """The name and the title of each experiment of which something is missing, how many runs are not finished, and of how
+        many others tests or probes are; empty where the tables do not name experiments."""
+        if self.missing is None or "name" not in self.missing:
+            return []
+        found = []
+        for (name, title), part in self.missing.groupby(["name", "experiment"], sort=False, dropna=False):  # type: ignore[misc]
             unfinished = set(part.loc[part["reason"].isin(["not begun", "not finished"]), "run"])
-            found[str(title)] = len(unfinished), len({*part["run"]} - unfinished)
-        return dict(sorted(found.items(), key=lambda one: -sum(one[1])))
+            found.append((str(name), str(title), len(unfinished), len({*part["run"]} - unfinished)))
+        return sorted(found, key=lambda one: -one[2] - one[3])
 
     def missing_runs(self) -> list[str]:
         """The names of the runs and tests of the plan that are missing; none where the plan is not known."""

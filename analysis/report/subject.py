@@ -26,7 +26,6 @@ class Subject:
 
     def sentence(self, claim: Claim) -> str:
         """What became of a claim, or what it takes to test it."""
-        if claim.needs:
-            return f"{claim.name} cannot be tested; it needs {claim.needs}."
         verdicts = filter(None, (claim.verdict(reading) for reading in self.readings))
-        return f"{claim.name}: {', '.join(self.words.get(one, one) for one in verdicts)}: {claim.statement}"
+        said = f"{claim.name}: {', '.join(self.words.get(one, one) for one in verdicts)}: {claim.statement}"
+        return f"{said} It needs {claim.needs}." if claim.needs else said

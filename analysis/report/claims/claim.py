@@ -65,11 +65,19 @@ class Planned:
 
     planned: int = 0
     present: int = 0
+    hours: float = math.nan  # that one of them took, training and evaluation
 
     @property
     def is_short(self) -> bool:
         """Whether too many are missing for a verdict."""
         return self.present < PRESENT * self.planned
+
+    @property
+    def to_come(self) -> str:
+        """The missing runs, with what they cost."""
+        missing = self.planned - self.present
+        cost = f" ({missing * self.hours:.1f} hours on one core)" if math.isfinite(self.hours) else ""
+        return f"{missing} more runs or their tests{cost}"
 
     def __str__(self) -> str:
         return f"{self.present} of {self.planned} planned runs are there, {self.planned - self.present} are missing"
@@ -89,6 +97,7 @@ class Claim:
     of: str = OF_PAPER
     runs: str = LEARNED  # which runs its verdict is about
     planned: Planned = Planned()
+    untested: str = ""  # the verdict where no run of any plan is about it
     corrected: Mapping[tuple[str, str], float] = field(
         default_factory=dict
     )  # Holm's p over its family, by settings and runs
@@ -97,6 +106,8 @@ class Claim:
         """The verdict in these settings; empty where the claim has no test in them, but has in others."""
         if self.findings and not self.has(settings):
             return ""
+        if self.untested:
+            return self.untested
         if self.planned.is_short:
             return verdicts.NOT_YET
         found = verdicts.combined(one.verdict for one in self.tests(settings, runs or self.runs))
@@ -127,7 +138,7 @@ def with_holm(claims: Sequence[Claim]) -> list[Claim]:
     """The claims with Holm's p of each claim of an effect, over all claims of the same maker, tested or not."""
     corrected: dict[str, dict[tuple[str, str], float]] = {one.name: {} for one in claims}
     for of, settings, runs in product((OF_PAPER, OF_OURS), (METRIC_2022, METRIC_OURS), (LEARNED, ALL_RUNS)):
-        p = {one.name: one.largest_p(settings, runs) for one in claims if one.of == of}
+        p = {one.name: one.largest_p(settings, runs) for one in claims if one.of == of and not one.untested}
         p = {name: value for name, value in p.items() if math.isfinite(value)}
         for name, value in zip(p, holm([*p.values()]), strict=True):
             corrected[name][settings, runs] = float(value)

@@ -1,5 +1,6 @@
 """How many runs were planned for a claim, and how many are there: from the tables of runs and of what is missing."""
 
+import math
 import re
 
 import pandas as pd
@@ -10,7 +11,7 @@ from analysis.report.claims.rows import ROWS
 from analysis.report.claims.statements import METRICS, STATEMENTS, stated
 from analysis.report.claims.tests import restricted
 from analysis.report.results import HARDER
-from analysis.tables import keep
+from analysis.tables import column, keep
 
 # What the name of a run tells (experiments/settings/run.py), and the test that a reason names.
 RUN = r"^(?P<family>[^-]+)-(?P<difficulty>[^-]+)-.*-(?P<algorithm>[^-]+)-s(?P<seed>\d+)-[0-9a-f]+$"
@@ -32,7 +33,8 @@ def planned_of(name: str, evidence: Evidence) -> Planned:
     both = pd.concat([there, lacking]) if len(there) else there  # a family may be missing whole
     tests = [one.where for settings in METRICS for one in stated(name, settings, both)] if len(both) else [{}]
     present, missing = (runs_of(table, tests) for table in (there, lacking))
-    return Planned(len(present | missing), len(present - missing))
+    hours = float(column(there, "hours").mean()) if len(there) and "hours" in there else math.nan
+    return Planned(len(present | missing), len(present - missing), hours)
 
 
 def missing_for(evidence: Evidence, of: str) -> pd.DataFrame:

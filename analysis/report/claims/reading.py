@@ -16,12 +16,14 @@ def read_claims(evidence: Evidence) -> list[Claim]:
     """All claims with their findings, in the order of ``statements.yaml``."""
     table = specifications(evidence)
     found = with_holm([claim_of(name, evidence, survives(table, name)) for name in STATEMENTS["claims"]])
-    return [with_consequence(one, evidence) for one in found]
+    return [one if one.untested else with_consequence(one, evidence) for one in found]
 
 
 def claim_of(name: str, evidence: Evidence, survives: bool) -> Claim:
     """The claim with its findings, and the runs that were planned for it; ``survives``: whether its specifications agree."""
     words = STATEMENTS["claims"][name]
+    if "untested" in words:
+        return Claim(name, words["says"], words["where"], untested=words["untested"], needs=words["needs"])
     leading = (dataclasses.replace(one, survives=survives) for one in findings_of(name, evidence))
     of_all = (dataclasses.replace(one, runs=ALL_RUNS) for one in findings_of(name, evidence.ungated))
     return Claim(
@@ -39,14 +41,18 @@ def with_consequence(claim: Claim, evidence: Evidence) -> Claim:
     """The claim with what follows from its verdicts, or with what it takes to test it."""
     name, words, needs = claim.name, STATEMENTS["claims"][claim.name], STATEMENTS["evidence"]
     rows = ROWS[words["evidence"]](evidence)
-    follows = consequence(claim, words)
+    follows, lacks = consequence(claim, words), ""
     if not follows:
-        lacks = words.get("else_needs", words["evidence"]) if len(rows) else words["evidence"]
-        return claim.with_words(needs=needs[lacks])
-    said = follows.format(**NUMBERS[name](evidence, rows)) if name in NUMBERS else follows
+        lacks = needs[words.get("else_needs", words["evidence"]) if len(rows) else words["evidence"]]
+    if claim.planned.is_short:
+        names = ",".join(STATEMENTS["planned"][words["evidence"]])
+        lacks = f"{claim.planned.to_come}, `experiments=[{names}]`"
+    if not len(rows):
+        return claim.with_words(needs=lacks)
+    said = follows.format(**NUMBERS[name](evidence, rows)) if follows and name in NUMBERS else follows
     beside = BESIDE[name](evidence, rows) if name in BESIDE else ""
-    of_tests = OF_TESTS[name](claim) if name in OF_TESTS else ""
-    return claim.with_words(follows=" ".join(filter(None, (said, beside, of_tests))))
+    of_tests = OF_TESTS[name](claim) if name in OF_TESTS and claim.findings else ""
+    return claim.with_words(" ".join(filter(None, (said, beside, of_tests))), lacks)
 
 
 def findings_of(name: str, evidence: Evidence) -> list[Finding]:

@@ -1,6 +1,6 @@
 """The answer in five lines, which opens the report."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,6 +12,40 @@ from analysis.report.claims.words import agents_that_learned, left_out, second_o
 from analysis.report.document.blocks import Block, Bullets, Heading
 from analysis.report.number_format import estimate_text
 from analysis.tables import select
+
+OF_W2 = ("matched-w2", "states-w2")  # the studies that take W2 and the number of levels apart
+
+
+def in_a_word(claims: Mapping[str, Claim]) -> str:
+    """The answer to the title's question, by the rule in ``rules.yaml``: yes, partly, no, or not known yet."""
+    headline, itself = (
+        claims["3a"].verdict(METRIC_OURS),
+        of_itself([claims[name].verdict(METRIC_OURS) for name in OF_W2]),
+    )
+    both = [headline, itself].count(verdicts.SUPPORTED)
+    if both:
+        return "yes" if both == 2 else "partly"
+    return "no" if {headline, itself} == {verdicts.NOT_SUPPORTED} else "not known yet"
+
+
+def of_itself(read: Sequence[str]) -> str:
+    """What the matched sets say of W2 itself: supported where one study supports it and none says the opposite."""
+    if verdicts.NOT_SUPPORTED in read:
+        return verdicts.NOT_SUPPORTED
+    return verdicts.SUPPORTED if verdicts.SUPPORTED in read else verdicts.UNDECIDED
+
+
+def why(claims: Mapping[str, Claim]) -> str:
+    """The answer in two sentences: the headline, and W2 at equal numbers of levels."""
+    said = {}
+    for name in ("3a", *OF_W2):
+        claim, found = claims[name], leading(claims[name], METRIC_OURS)
+        runs = f"; {claim.planned}" if claim.planned.is_short else ""
+        said[name] = claim.verdict(METRIC_OURS) + (f" ({number(found)}{runs})" if found else "")
+    return (
+        f"Over all cells, the gap is worse at larger W2: {said['3a']}. At equal numbers of levels, farther sets are worse: "
+        f"{said['matched-w2']} from pixels, {said['states-w2']} from states."
+    )
 
 
 def answer(evidence: Evidence, claims: Mapping[str, Claim]) -> list[Block]:
@@ -39,7 +73,8 @@ def whole_grid(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
     if found is None:
         return f"The gap and W2 of {runs} say nothing of the paper's headline."
     return (
-        f"Over {runs}, gap and W2 are correlated by {number(found)}. The paper's headline, that the gap is worse where "
+        f"Over {runs}, gap and W2 are correlated by {number(found)} ({found.beside} in place of W2). The "
+        f"paper's headline, that the gap is worse where "
         f"training and test levels are farther apart, is {claims['3a'].verdict(METRIC_OURS)}."
     )
 

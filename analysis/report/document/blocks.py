@@ -71,7 +71,14 @@ class Verdict:
     claim: Claim
 
 
-Block = Heading | Paragraph | Bullets | Table | Picture | Verdict
+@dataclass(frozen=True)
+class Tiles:
+    """Verdicts on claims at a glance; each leads to its box."""
+
+    claims: Sequence[Claim]
+
+
+Block = Heading | Paragraph | Bullets | Table | Picture | Verdict | Tiles
 
 
 @dataclass(frozen=True)
@@ -83,19 +90,13 @@ class Document:
     blocks: Sequence[Block]
     readings: Sequence[str] = (METRIC_2022, METRIC_OURS)  # in which claims are tested, as findings name them
     words: Mapping[str, str] = field(default_factory=dict)  # for verdicts, where others are better
-
-    @property
-    def opening(self) -> list[Block]:
-        """What stands before the section with the first box of a claim."""
-        first = next((k for k, block in enumerate(self.blocks) if isinstance(block, Verdict)), len(self.blocks))
-        while first and not isinstance(self.blocks[first - 1], Heading):
-            first -= 1
-        return list(self.blocks[: max(first - 1, 0)])
+    answer: str = ""  # to the question of the title, in a word or a few
+    appendix: Sequence[Block] = ()  # what is looked up, and not printed
 
     @property
     def sections(self) -> list[Heading]:
         """The headings of level 2."""
-        return [block for block in self.blocks if isinstance(block, Heading) and block.level == 2]
+        return [one for one in (*self.blocks, *self.appendix) if isinstance(one, Heading) and one.level == 2]
 
 
 def pieces(text: str) -> list[tuple[str, str]]:

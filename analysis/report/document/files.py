@@ -22,7 +22,7 @@ def write_document(document: Document, folder: Path, pdf: bool = False) -> list[
     """Writes the page, its findings and, if asked, its print into the folder; returns their paths. Raises
     :class:`RunFolderError` where there is nothing that prints."""
     write_text(folder / PAGE, page(document))
-    write_text(folder / FINDINGS, markdown(document.title, document.opening))
+    write_text(folder / FINDINGS, markdown(document.title, document.answer, document.blocks))
     if pdf:
         print_page(folder / PAGE, folder / PRINT)
     return [folder / PAGE, folder / FINDINGS, *([folder / PRINT] if pdf else [])]

@@ -6,9 +6,9 @@ from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, 
 from analysis.report.document.html import MARKS
 
 
-def markdown(title: str, blocks: Sequence[Block]) -> str:
-    """Headings, paragraphs, lists and tables under a title; what is none of these is left out."""
-    parts = [f"# {title}"]
+def markdown(title: str, answer: str, blocks: Sequence[Block]) -> str:
+    """Headings, paragraphs, lists and tables under a title and the answer to it; what is none of these is left out."""
+    parts = [f"# {title}", *([f"**{answer}**"] if answer else [])]
     for block in blocks:
         match block:
             case Heading():

@@ -1,34 +1,28 @@
-"""What was planned and is not in the tables, in a sentence."""
+"""What was planned and is not in the tables, with what it would cost."""
 
 from analysis.report.claims.evidence import Evidence
-from analysis.report.document.blocks import Block, Paragraph
-from segar.support import counted
+from analysis.report.document.blocks import Block, Heading, Paragraph, Table
+from analysis.report.number_format import plain
+from analysis.tables import column, keep
 
-MOST_NAMED = 8  # more is summed up by experiments
+MOST_NAMED = 8  # where experiments have no names
 
 
 def what_is_missing(evidence: Evidence) -> list[Block]:
-    """A warning about what was planned and is not in the tables; nothing where all is."""
-    missing = evidence.all_results.missing_runs()
+    """A table of what was planned and is not there, by experiment; nothing where all is there."""
+    results = evidence.all_results
+    missing, by_experiment = results.missing_runs(), results.missing_by_experiment()
     if not missing:
         return []
-    by_experiment = evidence.all_results.missing_by_experiment()
-    if len(missing) <= MOST_NAMED or not by_experiment:
-        shown = ", ".join(missing[:MOST_NAMED]) + (" and others" if len(missing) > MOST_NAMED else "")
+    if not by_experiment:  # tables of a plan that does not name experiments
         count = f"{len(missing)} runs or tests" if len(missing) > 1 else "a run or test"
-    else:
-        runs, tests = (sum(one[i] for one in by_experiment.values()) for i in range(2))
-        words = [f"{title} ({_missing_in_words(*numbers)})" for title, numbers in by_experiment.items()]
-        shown = "; ".join(words) + ". Each is named in `missing.csv`"
-        count = _missing_in_words(runs, tests)
-    return [
-        Paragraph(
-            f"**Of what was planned, {count} are missing**, and the report does without them: {shown}.", "warning"
-        )
-    ]
-
-
-def _missing_in_words(runs: int, tests: int) -> str:
-    """How much is missing: runs, and runs of which only tests or probes are."""
-    parts = [counted(runs, "run")] * (runs > 0) + [f"tests or probes of {counted(tests, 'run')}"] * (tests > 0)
-    return " and ".join(parts)
+        said = f"**Of what was planned, {count} are missing**: {', '.join(missing[:MOST_NAMED])}"
+        return [Paragraph(said + (" and others." if len(missing) > MOST_NAMED else "."), "warning")]
+    rows = []
+    for name, title, runs, tests in by_experiment:
+        there = keep(results.runs, [name in str(names).split() for names in results.runs["experiments"]])
+        hours = runs * float(column(there, "hours").mean()) if len(there) and "hours" in there else float("nan")
+        rows.append([f"`{name}`", title, f"{runs}", f"{tests}", plain(hours, 1) if runs else ""])
+    head = ("experiment", "what it is about", "missing runs", "runs that lack tests or probes", "hours on one core")
+    caption = "Each is named in `missing.csv`. Hours: of training and evaluation, as runs of it took that are there."
+    return [Heading("What is missing"), Table(head, rows, 2, caption)]

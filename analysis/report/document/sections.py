@@ -8,12 +8,12 @@ import pandas as pd
 from analysis.plotting.names import ALGORITHMS
 from analysis.report.captions import TABLES
 from analysis.report.claims import verdicts
-from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim
+from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, OF_PAPER, Claim
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.specifications import in_words, specifications
 from analysis.report.document import beyond, tables
-from analysis.report.document.answer import answer, number
-from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
+from analysis.report.document.answer import answer, in_a_word, number, why
+from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Tiles, Verdict
 from analysis.report.document.files import as_block
 from analysis.report.document.missing import what_is_missing
 from analysis.report.number_format import listed, plain
@@ -29,8 +29,7 @@ GLOSSARY = (
     "**Cell**: a panel and a number n of training levels.",
     "**Seed**: of the training levels and of the agent. **Block**: runs that stay together in intervals and p: all of one "
     "panel and one seed, whose training levels are nested; where panels are compared, all of a panel. **n** counts runs, or "
-    "pairs of runs where one is compared with another; without training, distances. **p** with a † is Holm's, corrected for "
-    "the tests of one claim.",
+    "pairs of runs where one is compared with another; without training, distances.",
     "**Gap**: mean return on test levels less that on training levels; the worse or larger the gap, the more negative the "
     "number. **Gap in success**: the same of success, the share of levels that an agent solves. **Regret**: the best known "
     "return less the agent's.",
@@ -56,7 +55,9 @@ GLOSSARY = (
     "W2 in standard deviations, and full returns.",
     "**Runs that learned**: those above the gate. The verdicts are about them; a second row has all runs.",
     "**Supported**: the runs show the claimed effect, and it is large enough to matter. **Not supported**: they show the "
-    "opposite, or rule out an effect that matters. **Undecided**: neither. The rules stand at the end.",
+    "opposite, or rule out an effect that matters. **Undecided**: neither. **Not yet tested**: more than a tenth of the "
+    "planned runs are missing. **Cannot be tested**: the outcome has no room for an effect that matters, or there "
+    "are too few blocks.",
 )
 ENCODERS = {"keypoints": "keypoints", "impala": "IMPALA CNN", "cnn_2022": "CNN of 2022"}
 LOOKS = {"rgb_stack2": "two frames in solid colours", "textures": "one frame of textures"}
@@ -92,20 +93,38 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
 
     there = len(evidence.ungated.main) > 0
     blocks: list[Block] = [
+        Paragraph(why(by_name), "lead"),
+        *drawn("figure_3a"),
+        Tiles(claims),
         *answer(evidence, by_name),
+        Heading("What the paper says"),
+        claims_table([claim for claim in claims if claim.of == OF_PAPER]),
+        Heading("Questions that we add"),
+        claims_table([claim for claim in claims if claim.of != OF_PAPER]),
         *what_is_missing(evidence),
+        *section(
+            "W2, coverage or diversity?",
+            2,
+            "matched_sets",
+            "matched-w2",
+            "matched-coverage",
+            "states-w2",
+            "states-coverage",
+        ),
+        *section("Out of distribution", 2, "figure_4a", "4a-larger", "4a-shift", "4a-trend", "4a-all"),
+        *([Heading("How many levels close the gap"), *drawn("train_and_test")] if there else []),
+    ]
+    appendix: list[Block] = [
         Heading("Words"),
         Bullets(GLOSSARY),
-        *summary(claims),
         *who_counts(evidence, there),
-        *section("The main grid: gap against W2", 2, "figure_3a", "3a", "3a-panel", "3a-n", "3a-cell", "3a-agent"),
+        Heading("The main grid: gap against W2"),
+        *boxes("3a", "3a-panel", "3a-n", "3a-cell", "3a-agent"),
         *(what_survives(evidence, drawn) if there else []),
-        *section("W2, coverage or diversity?", 2, "matched_sets", "matched-w2", "matched-coverage"),
         *beyond.matched(evidence),
         *section("Ten levels, picked in several ways", 3, "fixed_n", "fixed-n"),
         *section("Each panel by itself", 2, "figure_3b", "3b-trend", "3b-easy", "3b-empty", "3b-weak"),
-        *(panels_and_cells(evidence, drawn) if there else ()),
-        *section("Out of distribution", 2, "figure_4a", "4a-larger", "4a-shift", "4a-trend", "4a-all"),
+        *([tables.panel_table(evidence)] if there else ()),
         *section("What representations know", 2, "figure_4b", "4b-train", "4b-none"),
         *section("Self-supervised losses", 3, "figure_5a", "5a-gap", "5a-similar", "5a-trends"),
         *section("Mass and frame stack", 3, "appendix_mass"),
@@ -117,6 +136,8 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         Heading("KS and W2", 3),
         *boxes("A-ks"),
         *beyond.blocks(evidence, drawn, boxes),
+        Heading("Claims without a test"),
+        *boxes(*(claim.name for claim in claims if claim.untested)),
         *(estimates(evidence) if there else ()),
         *whose_settings(evidence, there),
         *how_verdicts_are_decided(evidence),
@@ -126,49 +147,27 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
     title = "Does the distance between training and test levels predict the generalization gap?"
     scale = evidence.all_results.scale
     subtitle = f"The Sandbox Environment for Generalizable Agent Research (SEGAR): its experiments at scale `{scale}`"
-    return Document(title, subtitle, blocks)
+    return Document(title, subtitle, blocks, answer=in_a_word(by_name).capitalize() + ".", appendix=appendix)
 
 
-def summary(claims: Sequence[Claim]) -> list[Block]:
-    """The verdicts: the paper's claims, then the questions that we add."""
-    blocks: list[Block] = [Heading("Verdicts")]
-    parts = {
-        "What the paper says": [claim for claim in claims if claim.of == OF_PAPER],
-        "Questions that we add": [claim for claim in claims if claim.of != OF_PAPER],
-    }
-    for title, some in parts.items():
-        tested = [claim for claim in some if any(verdict_known(claim, s) for s in (METRIC_2022, METRIC_OURS))]
-        sentences = [f"{len(tested)} of {len(some)} can be tested with these runs."]
-        for settings in (METRIC_2022, METRIC_OURS):
-            said = verdicts.counted(claim.verdict(settings) for claim in some)
-            sentences.append(f"With {'the ' if settings == METRIC_2022 else ''}{settings}: {said or 'none'}.")
-        blocks += [Heading(title, 3), Paragraph(" ".join(sentences)), verdict_table(some)]
-    return blocks
-
-
-def verdict_known(claim: Claim, settings: str) -> bool:
-    """Whether the claim has a verdict in these settings that is one."""
-    return claim.verdict(settings) not in ("", verdicts.NOT_TESTABLE)
-
-
-def verdict_table(claims: Sequence[Claim]) -> Table:
-    """One row per claim: verdicts with the runs that learned, and with all."""
+def claims_table(claims: Sequence[Claim]) -> Table:
+    """One row per claim, in the order of the paper: the verdict, its numbers, its runs, and what is missing."""
     rows = []
     for claim in claims:
-        some = claim.tests(METRIC_OURS) or claim.tests(METRIC_2022)
-        one = some[0] if len(some) == 1 and np.isfinite(some[0].found.estimate) else None
-        everything = claim.verdict(METRIC_OURS if claim.has(METRIC_OURS) else METRIC_2022, ALL_RUNS)
-        rows.append([
-            claim.name, claim.verdict(METRIC_2022), claim.verdict(METRIC_OURS), everything, claim.statement,
-            number(one) if one else "",
-        ])  # fmt: skip
+        settings = METRIC_OURS if claim.has(METRIC_OURS) else METRIC_2022
+        some = claim.tests(settings)
+        known = [one for one in some if np.isfinite(one.found.low)]
+        numbers = number(known[0]) if len(some) == len(known) == 1 else verdicts.counted(one.verdict for one in some)
+        planned = claim.planned
+        runs = f"{planned.present} of {planned.planned}" if planned.planned else ""
+        rows.append([claim.name, claim.verdict(settings), claim.statement, numbers, runs, claim.needs])
     head = (
         "",
-        METRIC_2022,
-        METRIC_OURS,
-        f"{METRIC_OURS}, all runs",
+        "verdict",
         "statement, in our words",
-        f"{METRIC_OURS}, in numbers",
+        "in numbers, or tests by themselves",
+        "planned runs",
+        "it would take",
     )
     return Table(head, rows, 6, TABLES["verdicts"])
 
@@ -201,15 +200,6 @@ def estimates(evidence: Evidence) -> list[Block]:
         tables.sensitivity_table(evidence),
         Paragraph(confound(evidence)),
         tables.mixed_table(evidence),
-    ]
-
-
-def panels_and_cells(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
-    """The main grid by panels, by numbers of levels, and by cells."""
-    return [
-        tables.panel_table(evidence),
-        Heading("How many levels close the gap", 3),
-        *drawn("train_and_test"),
     ]
 
 
@@ -322,7 +312,6 @@ def how_verdicts_are_decided(
             "**Deviations** are of returns, in standard deviations of the very differences that are tested. They say little of "
             "what matters in a task: with few pairs, p < 0.05 asks for more."
         )
-    items.append("**Several claims**: p is corrected for the tests of one claim, and not for the number of claims.")
     return Heading("How verdicts are decided"), Bullets(items)
 
 
@@ -330,13 +319,16 @@ def written_before() -> list[Block]:
     """When the rules were written, the hash of their file, and the one test of each claim that they name."""
     text = (
         f"These rules were written on {WRITTEN}, in `analysis/report/rules.yaml` (SHA-256 `{SHA256[:16]}`). "
-        f"{sentence(RULES['seen'])} How often they err on planted grids is in `docs/results/error_rates.csv`."
+        f"{sentence(RULES['seen'])} How often the tests of rules 2 err on planted grids of 360 learned runs is in "
+        "`docs/results/error_rates.csv`."
     )
     primary = [f"**{name}**: {sentence(words)}" for name, words in RULES["primary"].items()]
     choices = [f"**{name.capitalize()}**: {'; '.join(names)}." for name, names in RULES["specifications"].items()]
+    ends = [f"**{name}**: {sentence(words)}" for name, words in RULES["stopping"].items()]
     designed = [f"**{name.capitalize()}**: {sentence(words)}" for name, words in RULES["matched"].items()]
     return [
         Paragraph(text),
+        *(Heading("When runs end", 3), Bullets(ends)),
         *(Heading("The primary tests", 3), Bullets(primary)),
         *(Heading("The choices of specifications", 3), Bullets(choices)),
         *(Heading("The designed study", 3), Bullets(designed)),

@@ -229,13 +229,15 @@ def test_runs_that_are_missing_are_said_at_the_top(tmp_path, undrawn):
 
 def test_much_that_is_missing_is_summed_up_by_experiments(tmp_path, undrawn):
     folder = write_results(tmp_path, {"runs": few_runs()})
-    lines = [f"a-s{seed},not begun,SAC" for seed in range(7)] + ["b,the imported tables lack probes,Memory"]
-    lines += ["b,the imported tables lack transfer-x,Memory", "c,not finished,Memory"]
-    (folder / "missing.csv").write_text("\n".join(["run,reason,experiment", *lines]))
+    lines = [f"a-s{seed},not begun,figure_3a,Grid" for seed in range(7)] + [
+        "b,the imported tables lack probes,memory,Memory"
+    ]
+    lines += ["b,the imported tables lack transfer-x,memory,Memory", "c,not finished,memory,Memory"]
+    (folder / "missing.csv").write_text("\n".join(["run,reason,name,experiment", *lines]))
     make_report(ReportConfig(str(folder)))
-    page = (folder / "report.html").read_text()
-    assert "8 runs and tests or probes of 1 run are missing" in page
-    assert "SAC (7 runs); Memory (1 run and tests or probes of 1 run)" in page
+    found = (folder / "findings.md").read_text()
+    assert "| `figure_3a` | Grid | 7 | 0 | 0.7 |" in found  # a run took 0.1 hours
+    assert "| `memory` | Memory | 1 | 1 | – |" in found
 
 
 @pytest.mark.slow
