@@ -1,8 +1,6 @@
 """Tasks whose own results are right, raise, have the wrong shape, or are no number on some levels."""
 
 import dataclasses
-import itertools
-import time
 
 import numpy as np
 
@@ -28,7 +26,7 @@ def unrewarded():
     return dataclasses.replace(segar.puttputt(), name="free", reward=())
 
 
-RNG, CALLS = np.random.default_rng(0), itertools.count()
+RNG = np.random.default_rng(0)
 
 
 def drawn(factors):
@@ -36,20 +34,8 @@ def drawn(factors):
     return factors["Mass"][:, 0] + RNG.normal(size=factors.num_envs)
 
 
-def counted(factors):
-    """How often it was called."""
-    return np.full(factors.num_envs, next(CALLS))
-
-
-random_result, counting, clock = (
-    with_result(drawn),
-    with_result(counted),
-    with_result(lambda factors: np.full(factors.num_envs, time.perf_counter())),
-)
+random_result = with_result(drawn)
 raising, misshapen = with_result(wrong), with_result(lambda factors: np.zeros(3))
-text, none = (
-    with_result(lambda factors: np.array(["left"] * factors.num_envs)),
-    with_result(lambda factors: [None] * factors.num_envs),
-)
+text = with_result(lambda factors: np.array(["left"] * factors.num_envs))
 place = with_result(lambda factors: factors["Position"][:, 0])
 single, partial = with_result(lambda factors: 1.0), with_result(right_of_centre)

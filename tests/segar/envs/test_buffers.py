@@ -20,17 +20,11 @@ OBSERVATIONS = {"state": "state", "rgb": "rgb", "stack": Stack(Pixels(), 2), "bo
 HELD = {
     "the array": lambda a: a,
     "a slice": lambda a: a[1:3],
-    "a slice of a slice": lambda a: a[1:][..., :2],
     "a row": lambda a: a[0],
-    "another shape": lambda a: a.reshape(len(a), -1),
-    "transposed": lambda a: a.T,
     "other bytes": lambda a: a.view(np.uint8),
     "a masked array": lambda a: np.ma.masked_array(a, copy=False),
-    "broadcast": lambda a: np.broadcast_to(a, (2, *a.shape)),
     "a memoryview": memoryview,
-    "a part of a memoryview": lambda a: memoryview(a)[1:],
     "a tensor": torch.from_numpy,
-    "a tensor of a slice": lambda a: torch.from_numpy(a[1:]),
     "a part of a tensor": lambda a: torch.from_numpy(a)[1:],
     "through dlpack": torch.from_dlpack,
 }
