@@ -97,14 +97,14 @@ def test_slurm_is_asked_for_an_array_with_a_warning_before_the_end(tmp_path):
         os.killpg(process.pid, signal.SIGKILL)  # it would wait for the cluster
         process.wait()
     text = (tmp_path / "submitted.sh").read_text()
-    for line in (
+    for line in [
         "--partition=cpu",
         "--array=0-1%2",
         "--time=240",
         "--cpus-per-task=2",
         "--mem=8GB",
         "--signal=USR2@120",
-    ):
+    ]:
         assert f"#SBATCH {line}\n" in text
 
 

@@ -22,7 +22,6 @@ CALLS = """
 --nope                                       | required
 nope                                         | 'nope'
 sample                                       | family
-sample empty-easy                            | output
 sample nope -o a.npz                         | nope
 sample empty-easy -o                         | output
 sample empty-easy -o ''                      | empty
@@ -39,13 +38,11 @@ sample empty-easy --seed -1 -o a.npz         | '-1'
 sample empty-easy --nope -o a.npz            | --nope
 sample '' -o a.npz                           | no level family
 sample Empty-Easy -o a.npz                   | empty-easy
-distance                                     | A, B
 distance file file                           | file
 distance ok.npz text.npz                     | text.npz
 distance ok.npz ok.npz --mode nope           | nope
 distance ok.npz ok.npz --resamples 1         | '1'
 distance '' ''                               | level file
-hardness                                     | LEVELS
 hardness nope.npz                            | nope.npz
 hardness ok.npz --task nope                  | nope
 hardness ok.npz --plays 0                    | '0'
@@ -55,19 +52,13 @@ hardness ok.npz --threads 100000000          | 100000000
 hardness ok.npz --seed 1.5                   | '1.5'
 compile nope                                 | nope
 compile empty-easy --task nope               | nope
-kernel                                       | command
-kernel show                                  | family
 kernel show nope                             | nope
 kernel hide                                  | hide
-gallery                                      | output
 gallery -o x.jpg                             | x.jpg
 gallery -o x.png --colours 1                 | '1'
 gallery --signs -o x.PDF                     | x.PDF
-describe                                     | family
 describe nope                                | nope
 describe empty-easy -o x.txt                 | x.txt
-record                                       | family
-record empty-easy                            | output
 record nope -o d                             | nope
 record empty-easy -o x.mp3                   | x.mp3
 record empty-easy -o x.npz                   | x.npz
@@ -82,7 +73,6 @@ record empty-easy -o d --observation nope    | nope
 record empty-easy -o d --task nope           | nope
 record empty-easy -o x.mp4 --check           | --check
 record empty-easy -o x.mp4 --size 65         | 65
-lab                                          | command
 lab nope                                     | nope
 lab serve --budget 0                         | '0'
 lab serve --family nope                      | nope
@@ -91,10 +81,8 @@ lab serve --world segar:DEFAULT_RULES        | rule space
 lab serve --noise x                          | 'x'
 lab serve --noise -1                         | noise
 lab serve --session ok.npz                   | ok.npz
-lab baselines                                | output
 lab baselines --baselines nope -o g.csv      | nope
 lab baselines -o file                        | file
-lab figure                                   | TABLE
 lab figure nope.csv -o f.png                 | nope.csv
 lab figure ok.npz -o f.png                   | ok.npz
 play nope                                    | nope

@@ -115,7 +115,6 @@ def of_truth(truth):
 
 RIGHT = {
     "in a tuple": lambda m: of_truth(m in (1.0, 2.0)),
-    "in a list": lambda m: of_truth(m in [1, 2]),
     "in a range": lambda m: of_truth(m in range(3)),
     "isinstance float": lambda m: of_truth(isinstance(m, float)),
     "isinstance int": lambda m: of_truth(isinstance(m, int)),
@@ -130,7 +129,6 @@ RIGHT = {
     "an object's number": lambda m: SETTINGS.strength * m,
     "a number of numpy": lambda m: np.float64(2.0) * m,
     "sorted": lambda m: sorted([m, 1.0, 2.5])[1],
-    "sorted by a key": lambda m: sorted([m, 1.0], key=lambda x: -x)[0],
     "min and max": lambda m: min(m, 1.0) + max([m, 1.0, 2.0]),
     "sum and product": lambda m: sum([m, 1.0]) + math.prod([m, 2.0]),
     "reduce": lambda m: functools.reduce(operator.add, [m, m]),
@@ -155,27 +153,16 @@ RIGHT = {
 
 REFUSED = {
     "in a set": lambda m: of_truth(m in {1.0, 2.0}),
-    "in a frozenset": lambda m: of_truth(m in frozenset((1.0, 2.0))),
     "in a dictionary": lambda m: of_truth(m in TABLE),
-    "get": lambda m: TABLE.get(m, 0.0),
     "a default": lambda m: WITH_DEFAULT[m],
-    "a key": lambda m: {m: 1.0}[m],
-    "a cache": lambda m: cached(m),
     "hash": lambda m: of_truth(hash(m) == 1),
     "str": lambda m: of_truth(str(m) == "1.0"),
     "repr": lambda m: of_truth(repr(m) == "1.0"),
-    "str in a list": lambda m: float(len(str([m]))),
     "format": lambda m: of_truth(f"{m:.1f}" == "1.0"),
-    "an f-string as key": lambda m: {"1.0": 2.0}.get(f"{m}", 0.0),
-    "percent": lambda m: of_truth("%s" % m == "1.0"),  # noqa: UP031
-    "print": lambda m: print(m) or 1.0,
     "type is": lambda m: of_truth(type(m) is float),
-    "type of": lambda m: of_truth(type(m) == float),  # noqa: E721
     "class": lambda m: of_truth(m.__class__ == float),  # noqa: E721
     "id": lambda m: id(m) % 2 * 1.0,
     "is": lambda m: of_truth(m is SETTINGS.strength),
-    "is itself": lambda m: of_truth((m + 0) is (m + 0)),
-    "is true": lambda m: of_truth((m > 1) is True),
     "match a truth": matched_truth,
     "a method that asks for a type": lambda m: SETTINGS.typed(m),
     "try": caught,
@@ -186,28 +173,22 @@ REFUSED = {
     "round": lambda m: round(m) * 1.0,
     "floor": lambda m: math.floor(m) * 1.0,
     "mod": lambda m: m % 2,
-    "of a mod": lambda m: 2 % m,
-    "floor division": lambda m: m // 2,
     "is_integer": lambda m: of_truth(m.is_integer()),
     "imag": lambda m: of_truth(m.imag == 0),
     "isnan": lambda m: of_truth(math.isnan(m)),
-    "isclose": lambda m: of_truth(math.isclose(m, 1)),
     "length": lambda m: len(m),
     "a place": lambda m: [1.0, 2.0][m],
     "None": lambda m: of_truth(m == None),  # noqa: E711
     "a text": lambda m: of_truth(m != "x"),
     "copy": lambda m: copy.copy(m),
-    "deepcopy": lambda m: copy.deepcopy([m])[0],
     "pickle": lambda m: of_truth(pickle.dumps(m) == b""),
     "json": lambda m: of_truth(json.dumps(m) == "1.0"),
     "mean": lambda m: statistics.mean([m, 1.0]),
     "numbers and truths": lambda m: of_truth(m & True),
     "an array": lambda m: np.array([m, 1.0]).sum(),
-    "an array of objects": lambda m: np.array([m, 1.0], dtype=object).sum(),
     "in an array": lambda m: of_truth(m in np.array([1.0, 2.0])),
     "numpy catches": lambda m: of_truth(np.array_equal([m], [1.0])),
     "numpy's where": lambda m: np.where(m > 1, 1.0, 0.0),
-    "numpy's isclose": lambda m: of_truth(np.isclose(m, 1.0)),
     "a ufunc": lambda m: np.floor(m),
 }
 
