@@ -24,7 +24,7 @@ from segar.support import content_of, replacing
 DRAWS = 1000  # of laws, of which the nearest is taken, and from which searches begin
 KEPT, CHILDREN, GENERATIONS = 50, 150, 60  # of the evolutionary search
 ROUNDS = 10  # in which the sequential experimenter spends its budget, at most
-CANDIDATES = 64  # of experiments, from which it picks
+CANDIDATES = 32  # of experiments of each kind, from which it picks
 ENSEMBLE = 20  # of laws, which disagree on them
 CLOSE = 0.05  # [m, m/s] errors below it count by their square, others by their logarithm
 PER_OPTION = 0.005  # of the loss, so that options without an effect are left out
@@ -36,8 +36,9 @@ LEAST_GAIN = 0.02  # of the squares, that one more term of least squares explain
 SIZES = ("strength", "stiffness", "coefficient", "rate", "speed")  # constants to which an effect is proportional
 
 Law: TypeAlias = dict[str, Any]
-Seen: TypeAlias = list[tuple[dict[str, Any], np.ndarray]]
-"""Experiments that lead with their number, and what was seen of them, float64 ``(n, steps + 1, seen)``."""
+Seen: TypeAlias = list[dict[str, Any]]
+"""Batches of experiments as the protocol has them, whose arrays lead with the experiment; ``observations`` is what was seen,
+float64 ``(n, steps + 1, seen)``."""
 Baseline: TypeAlias = Callable[[Session, np.random.Generator], Law]
 
 
@@ -67,7 +68,7 @@ def least_squares(session: Session, rng: np.random.Generator) -> Law:
     A term is what an option adds to velocities, for constants that are drawn; its size scales what it is proportional to.
     """
     lab, fast = session.lab, [k for k, name in enumerate(session.lab.places) if ".Velocity." in name]
-    steps = random_experiments(session, session.left, rng, 1)
+    steps = random_experiments(session, session.left, rng, 1, set_factors=True)
     options = [(name, own) for law in draw_laws(lab, GUESSES, rng) for name, own in law["options"].items()]
     without = session.predict(EMPTY, **steps)[:, 1, fast]
     missing = session.experiment(**steps)[:, 1, fast] - without
@@ -100,14 +101,15 @@ def sequential(session: Session, rng: np.random.Generator) -> Law:
     number = session.left // session.lab.most_steps
     rounds = min(ROUNDS, number)
     laws = draw_laws(session.lab, DRAWS, rng)
-    seen = _see(session, random_experiments(session, 1, rng))
+    seen = _see(session, [], random_experiments(session, 1, rng))
     for k in range(1, rounds):
         laws = _evolved(session, [*laws, *draw_laws(session.lab, DRAWS, rng)], seen, rng, GENERATIONS // rounds)
-        tried = random_experiments(session, CANDIDATES, rng)
-        spread = session.predict(laws[:ENSEMBLE], **tried).var(axis=0)
+        tried = [random_experiments(session, CANDIDATES, rng, set_factors=own) for own in (False, True)]
+        spread = np.concatenate([session.predict(laws[:ENSEMBLE], **one).var(axis=0) for one in tried])
         doubt = np.nanmean(np.log1p(spread / CLOSE**2), axis=(1, 2))
         size = (number * (k + 1)) // rounds - (session.lab.budget - session.left) // session.lab.most_steps
-        seen += _see(session, _picked(tried, np.argsort(-doubt)[:size]))
+        for one, rows in zip(tried, _split(np.argsort(-doubt)[:size]), strict=True):
+            seen = _see(session, seen, _picked(one, rows))
     return _evolved(session, [*laws, *draw_laws(session.lab, DRAWS, rng)], seen, rng, GENERATIONS)[0]
 
 
@@ -198,36 +200,58 @@ def draw_laws(lab: Lab, number: int, rng: np.random.Generator) -> list[Law]:
 
 
 def random_experiments(
-    session: Session, number: int, rng: np.random.Generator, steps: int | None = None
+    session: Session, number: int, rng: np.random.Generator, steps: int | None = None, *, set_factors: bool = False
 ) -> dict[str, Any]:
-    """Experiments without actions, in which everything that can be set is drawn within its bounds, velocities slower."""
-    lab, chosen = session.lab, dict[str, dict[str, np.ndarray]]()
+    """Experiments with random actions in levels as they are; or in which everything that can be set is drawn within its
+    bounds, velocities slower."""
+    lab, task, chosen = session.lab, session.lab.task, dict[str, dict[str, np.ndarray]]()
     for slot in lab.hidden.layout.slots[:-1]:
         for factor, (low, high) in lab.settable.items():
-            if slot.must_have(factor):
+            if set_factors and slot.must_have(factor):
                 share = SLOWER if factor is Velocity else 1.0
                 shape = (number,) if factor.width == 1 else (number, factor.width)
                 chosen.setdefault(slot.name, {})[factor.__name__] = share * rng.uniform(low, high, shape)
-    return {"level": rng.integers(START_LEVELS, size=number), "set": chosen, "steps": steps or lab.most_steps}
+    actions = rng.uniform(task.action_low, task.action_high, (number, steps or lab.most_steps, len(task.action_low)))
+    return {"level": rng.integers(START_LEVELS, size=number), "set": chosen, "actions": actions}
 
 
 def see_all(session: Session, rng: np.random.Generator) -> Seen:
-    """The recordings of a passive lab, else random experiments for all of the budget."""
-    if not session.lab.passive:
-        return _see(session, random_experiments(session, session.left // session.lab.most_steps, rng))
-    return [({k: v for k, v in one.items() if k != "observations"}, one["observations"]) for one in session.recordings]
+    """The recordings of a passive lab; else random experiments for all of the budget, half of them with factors set."""
+    seen: Seen = []
+    for one in session.recordings:
+        seen = _with(seen, {"set": {}, **{name: np.asarray(value)[None] for name, value in one.items()}})
+    number = session.left // session.lab.most_steps
+    for size, own in ((number - number // 2, False), (number // 2, True)):
+        seen = _see(session, seen, random_experiments(session, size, rng, set_factors=own))
+    return seen
 
 
 def losses(session: Session, laws: Sequence[Law], seen: Seen) -> np.ndarray:
     """How far laws are from what was seen, float64 ``(laws,)``."""
-    apart = [session.predict(list(laws), **experiments) - observations for experiments, observations in seen]
-    flat = np.concatenate([one.reshape(len(laws), -1) for one in apart], axis=1)
+    apart = list[np.ndarray]()
+    for one in seen:
+        asked = {name: value for name, value in one.items() if name != "observations"}
+        apart.append((session.predict(list(laws), **asked) - one["observations"]).reshape(len(laws), -1))
     options = np.array([len(law["options"]) for law in laws])
-    return np.nanmean(np.log1p((flat / CLOSE) ** 2), axis=1) + PER_OPTION * options
+    return np.nanmean(np.log1p((np.concatenate(apart, axis=1) / CLOSE) ** 2), axis=1) + PER_OPTION * options
 
 
-def _see(session: Session, experiments: dict[str, Any]) -> Seen:
-    return [(experiments, session.experiment(**experiments))]
+def _see(session: Session, seen: Seen, experiments: dict[str, Any]) -> Seen:
+    """What was seen, and these experiments, if there are any."""
+    if not len(experiments["level"]):
+        return seen
+    return _with(seen, {**experiments, "observations": session.experiment(**experiments)})
+
+
+def _with(seen: Seen, more: dict[str, Any]) -> Seen:
+    """What was seen, and one batch more, which joins that of its kind: each batch of predictions costs a check of the laws."""
+    rest = list[dict[str, Any]]()
+    for one in seen:
+        if one["set"].keys() == more["set"].keys() and one["actions"].shape[1:] == more["actions"].shape[1:]:
+            more = _joined(one, more)
+        else:
+            rest.append(one)
+    return [*rest, more]
 
 
 def _best(session: Session, laws: Sequence[Law], seen: Seen) -> list[Law]:
@@ -279,7 +303,19 @@ def _fits(lab: Lab, names: Sequence[str]) -> bool:
     return few and not lab.space.excludes(places)
 
 
-def _picked(experiments: Mapping[str, Any], rows: np.ndarray) -> dict[str, Any]:
-    """Some of the experiments."""
-    picked = {name: value[rows] for name, value in experiments.items() if isinstance(value, np.ndarray)}
-    return {**experiments, **picked, **{k: _picked(v, rows) for k, v in experiments.items() if isinstance(v, dict)}}
+def _split(chosen: np.ndarray) -> list[np.ndarray]:
+    """Numbers of candidates of both kinds, by kind."""
+    return [chosen[chosen // CANDIDATES == k] % CANDIDATES for k in range(2)]
+
+
+def _picked(batch: Mapping[str, Any], rows: np.ndarray) -> dict[str, Any]:
+    """Some experiments of a batch."""
+    return {k: _picked(value, rows) if isinstance(value, dict) else value[rows] for k, value in batch.items()}
+
+
+def _joined(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """The experiments of two batches of one kind."""
+    return {
+        k: _joined(value, other[k]) if isinstance(value, dict) else np.concatenate([value, other[k]])
+        for k, value in one.items()
+    }

@@ -136,7 +136,9 @@ class Lab:
         flags = {f.__name__ for f in self.hidden.layout.columns if issubclass(f, Flag)}
         scale = np.array([0.0 if name.split(".")[1] in flags else self.noise for name in self.places], np.float32)
         rng = np.random.Generator(np.random.SFC64((self.seed, self.world, number)))  # faster than the default one
-        return states + scale * rng.standard_normal(states.shape, np.float32)
+        noise = rng.standard_normal(states.shape, np.float32)
+        noise *= scale  # in place, which takes a third of the time of a new array
+        return states + noise
 
     def in_world(self, rules: Any) -> Levels:
         """A level in a world of other rules, with the world parameters that the hidden world has, too."""
