@@ -82,17 +82,6 @@ def test_same_step_autoreset_tells_the_end_of_an_episode_and_the_start_of_the_ne
     np.testing.assert_array_equal(observations[ended], fresh[ended])
 
 
-def test_disabled_autoreset_goes_on_until_a_masked_reset() -> None:
-    env = VectorEnv(LEVELS, 4, seed=0, max_steps=3, autoreset_mode=AutoresetMode.DISABLED)
-    env.reset()
-    for _ in range(3):
-        _, _, _, truncated, info = env.step(np.zeros((4, 2), np.float32))
-    assert truncated.all() and "final_obs" not in info
-    mask = np.array([True, False, False, True])
-    _, info = env.reset(options={"reset_mask": mask})
-    assert np.array_equal(info["length"] == 0, mask)
-
-
 def test_time_out_is_truncation_and_arrival_is_termination_and_success() -> None:
     levels = segar.family("empty-easy").sample(4, seed=0)
     env = VectorEnv(levels, 4, seed=0, autoreset_mode=AutoresetMode.DISABLED)

@@ -139,13 +139,6 @@ def test_levels_without_the_parameter_are_refused():
         StateVector(parameters=[Breeze]).bind(levels, 1)
 
 
-def test_an_intervention_on_a_parameter_is_refused_and_says_where_it_belongs():
-    env = VectorEnv(LEVELS, 1, seed=0)
-    env.reset()
-    with pytest.raises(LevelError, match="'Breeze', which is a world parameter: it belongs to the level"):
-        env.intervene("golfball", Breeze, 1.0)
-
-
 def test_numbers_are_divided_by_their_constants_and_others_stay_as_they_are():
     plain = StateVector(parameters=[Breeze])
     scaled = StateVector(parameters=[Breeze], scale={Visits: 200, "Breeze": 5.0})

@@ -43,16 +43,6 @@ def test_frames_equal_those_of_a_plain_renderer(resolution):
         np.testing.assert_array_equal(frames[level], plain)
 
 
-def test_only_the_asked_range_is_written():
-    levels = scene((GolfBall,), (GoalTile,), n=8)
-    bound = Pixels().bind(levels, 8)
-    bound.begin(levels.values, np.arange(8), np.ones(8, bool))
-    frames = np.full((8, 64, 64, 3), 7, np.uint8)
-    bound.write(levels.values, np.arange(8), frames, np.arange(2, 5))
-    assert (frames[:2] == 7).all() and (frames[5:] == 7).all()
-    np.testing.assert_array_equal(frames[2:5], draw(levels)[2:5])
-
-
 def test_backgrounds_are_repainted_only_where_an_episode_begins():
     levels = scene((GolfBall,), (GoalTile,), n=2)
     first = draw(levels)

@@ -168,14 +168,3 @@ def test_built_in_observations_have_the_hooks_that_they_need(observation, of_bou
     assert {name for name in (*HOOKS, "kept", "reads") if hasattr(bound, name)} == of_bound
     optional = ("in_planes", "for_task", "trained_on", "members")
     assert {name for name in optional if hasattr(observation, name)} == of_description
-
-
-def test_the_simulator_writes_what_write_would():
-    env, after = (VectorEnv(LEVELS, 3, seed=0) for _ in range(2))
-    assert env._episodes._reads is not None
-    after._reads = None
-    for one in (env, after):
-        one.reset()
-    for k in range(5):
-        action = np.full((3, 2), 0.2 * k, np.float32)
-        np.testing.assert_array_equal(env.step(action)[0], after.step(action)[0])

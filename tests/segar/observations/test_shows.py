@@ -7,7 +7,6 @@ import pytest
 
 import segar
 from segar import Charge, Mass, Velocity
-from segar.language import Visible
 from segar.language.factors import Count, Factor, Flag
 from segar.observations import Colour, Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
 from segar.observations.protocol import empty_batch, leaves
@@ -104,11 +103,3 @@ def test_each_of_these_observations_shows_something_and_hides_something():
     for observation in STATES + FRAMES:
         shown = [observation.shows(factor) for factor in FACTORS]
         assert any(shown) and not all(shown)
-
-
-def test_the_user_asks_what_is_shown():
-    assert StateVector().shows(Mass) and not StateVector(hidden=[Mass]).shows(Mass)
-    assert not StateVector().shows(Visible) and StateVector(sees_invisible=False).shows(Visible)
-    assert not Pixels().shows(Mass) and Multi([Pixels(), "state"]).shows(Mass)
-    assert not PreviousActions().shows(Velocity) and not Stack("rgb", 4).shows(Velocity)
-    assert not StateVector().shows(segar.language.Label)

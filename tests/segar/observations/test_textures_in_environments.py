@@ -2,7 +2,6 @@
 
 import gymnasium
 import numpy as np
-import pytest
 
 import segar
 from segar.language.factors import Charge, Mass, StoredEnergy
@@ -16,24 +15,6 @@ ACTIONS = np.random.default_rng(0).uniform(-1, 1, (60, 32, 2)).astype(np.float32
 def environment(**options: object) -> segar.envs.VectorEnv:
     observation = TexturedPixels(random_textures(4), **options)
     return segar.envs.VectorEnv(LEVELS, 32, observation=observation, seed=3, max_steps=40)
-
-
-def play(env: segar.envs.VectorEnv, actions: np.ndarray) -> list[np.ndarray]:
-    return [env.step(action)[0].copy() for action in actions]
-
-
-@pytest.mark.parametrize("follow", [False, True])
-def test_a_snapshot_goes_on_with_the_same_pictures(follow):
-    env = environment(follow=follow)
-    env.reset(seed=1)
-    play(env, ACTIONS[:25])
-    snapshot = env.state()
-    expected = play(env, ACTIONS[25:])
-    other = environment(follow=follow)
-    other.reset(seed=9)
-    other.restore(snapshot)
-    for mine, theirs in zip(play(other, ACTIONS[25:]), expected, strict=True):
-        np.testing.assert_array_equal(mine, theirs)
 
 
 def test_energies_that_are_spent_show_only_where_patterns_follow():
