@@ -7,7 +7,6 @@ import pytest
 
 import segar
 from segar.engine import Simulator
-from segar.envs import VectorEnv
 from segar.language import Charge, Magnetism, Mass
 from segar.levels import Levels, active_options, families, family, rule_space_of
 from segar.noise import DiscreteRangeNoise
@@ -92,21 +91,6 @@ def test_the_default_physics_is_a_point_of_the_space(name):
     parameters[:, known] = plain.parameters
     point = dataclasses.replace(levels, parameters=parameters)
     assert ends(dataclasses.replace(plain, world=World())).tobytes() == ends(point).tobytes()
-
-
-def test_results_do_not_depend_on_batch_or_threads():
-    levels = family("objectsx3-hard").with_rules(SPACE).sample(40, seed=7)
-    seen = []
-    for num_envs, threads in ((40, 1), (40, 2), (8, 1)):
-        rows = []
-        for first in range(0, 40, num_envs):
-            env = VectorEnv(levels, num_envs, observation="state", num_threads=threads)
-            env.reset(seed=1, options={"levels": np.arange(first, first + num_envs)})
-            rng = np.random.default_rng(2)
-            actions = rng.uniform(-1, 1, (10, 1, 2)).astype(np.float32)
-            rows.append([env.step(np.repeat(action, num_envs, axis=0))[0].copy() for action in actions])
-        seen.append(np.concatenate([np.stack(part, axis=1) for part in rows]))
-    assert seen[0].tobytes() == seen[1].tobytes() == seen[2].tobytes()
 
 
 def test_ten_thousand_rule_sets_share_one_kernel():

@@ -123,16 +123,6 @@ def test_a_ball_in_a_pocket_is_paid_in_that_step_and_off_the_table_in_the_next()
     assert results(env)["balls_potted"].tolist() == [1, 0, 0, 0] and not info["death"].any()
 
 
-def test_what_was_paid_is_part_of_the_state():
-    env, _ = env_with()
-    put_into_a_pocket(env, "ball3", FIRST)
-    before = env.state()
-    first = env.step(STILL)[1]
-    env.step(STILL)
-    env.restore(before)
-    assert np.array_equal(env.step(STILL)[1], first) and first[0] == 1
-
-
 def test_a_clear_table_is_success_and_the_end():
     env, _ = env_with()
     for k in range(1, 11):

@@ -78,27 +78,6 @@ def test_a_distribution_takes_a_name_not_a_task():
         LevelDistribution(NUMBERS, positions=APART, task=mine)
 
 
-@pytest.mark.parametrize("observation", ["state", "rgb"])
-@pytest.mark.parametrize(
-    "name",
-    ["billiards", *(pytest.param(name, marks=pytest.mark.slow) for name in ("invisiball", "puttputt-random-middle"))],
-)
-def test_an_environment_does_the_same_in_a_batch_of_1_64_and_1024(name: str, observation: str) -> None:
-    levels = segar.family(name).sample(20, seed=0)
-    trails = [_trail(VectorEnv(levels, n, observation=observation)) for n in (1, 64, 1024)]
-    for trail in trails[1:]:
-        assert all(np.array_equal(a, b) for a, b in zip(trails[0], trail, strict=True))
-
-
-def _trail(env: VectorEnv) -> list[np.ndarray]:
-    """What the first environment says in 40 steps; what it is told does not depend on the batch."""
-    trail = [env.reset(seed=5)[0][:1]]
-    for step in range(40):
-        actions = np.random.default_rng(step).uniform(-1, 1, (env.num_envs, 2)).astype(np.float32)
-        trail += [part[:1] for part in env.step(actions)[:4]]
-    return trail
-
-
 @pytest.mark.parametrize("name", ["act", "reward", "terminated", "success", "death"])
 @pytest.mark.parametrize("wrong", [None, 3.0, ("no function",)])
 def test_what_is_no_function_of_a_task_is_told_with_the_argument_and_the_task(name, wrong):
