@@ -3,6 +3,7 @@
 #   make test                     the tests (make test-slow: the long ones)
 #   make test-docs                the programs and the pages of the documentation
 #   make check-results            what docs/results says is what its tables, networks and rows give
+#   make test-oldest              the core with the oldest versions that pyproject.toml allows; make test-newest: the newest
 #   make test-processors          the tests that may differ between processors, as on three kinds of them
 #   make test-browser             the tests of pages in Chromium and Firefox; a browser that is missing is an error
 #   make mutants                  how many of 150 small changes of the sources the tests notice, in build/mutants.csv; hours
@@ -40,7 +41,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-docs check-results test-processors test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
+.PHONY: help setup test test-docs check-results test-processors test-oldest test-newest test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -90,6 +91,10 @@ test-processors: $(STAMP)
 
 test-browser: $(STAMP)
 	SEGAR_BROWSERS=required $(PY) -m pytest -q -m "slow or not slow" tests/segar/playground $(ARGS)
+
+# In virtual environments of their own.
+test-oldest test-newest:
+	.ci/packages $(@:test-%=%) $(PYTHON) $(ARGS)
 
 mutants: $(STAMP)
 	$(PY) -m tests.mutants run $(ARGS)

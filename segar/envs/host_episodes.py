@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from segar.engine import Simulator, State, StepResult
 from segar.envs.action_range import ActionRange
 from segar.envs.buffers import Buffers
-from segar.envs.checks import actions_of, array_of
+from segar.envs.checks import actions_of, array_of, shown
 from segar.envs.episode_kernel import copy_numbers, count_step, draw_levels, moved_seed, start_episodes
 from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import Snapshot
@@ -197,6 +197,8 @@ class HostEpisodes:
         if np.isnan(part[mask]).any():
             raise LevelError(f"'{entity}' has no {factor.__name__} in some of these environments")
         part[mask] = factor.check(value)
+        if not factor.is_possible(part[mask]).all():
+            raise LevelError(f"intervene: {factor.__name__} must be {factor.possible_values()}, not {shown(value)}")
         if factor in (Size, Mobile):
             self._check_crossings(replace(self.pool.levels[now.level], values=values), "environment")
         now.values[...] = values

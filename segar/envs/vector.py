@@ -384,8 +384,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         end, with all trials on their level, and snapshots hold it. What observations show of the past stays as it is.
 
         Raises:
-            LevelError: no entity of that name, or it has no such factor in a chosen environment; or things could pass each
-                other unseen then. SegarError: a world parameter of episodes on a GPU.
+            LevelError: no entity of that name, or it has no such factor in a chosen environment; no level can have this value;
+                or things could pass each other unseen then. SegarError: a world parameter of episodes on a GPU.
         """
         self.require_open("intervene")
         layout = self.levels.layout

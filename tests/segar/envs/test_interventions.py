@@ -125,3 +125,15 @@ def test_a_ball_cannot_be_made_so_small_that_it_passes_others_unseen():
         env.intervene("golfball", segar.Size, 1e-3)
         env.intervene("object1", segar.Size, 1e-3)
     assert not np.array_equal(env.state().state.values, before, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("factor", "value"), [(segar.Mass, -1.0), (segar.Size, 0.0), (segar.Position, (0.0, 1e31)), (segar.Charge, -1e31)]
+)
+def test_a_value_that_no_level_can_have_is_refused_and_changes_nothing(factor, value):
+    env = VectorEnv(segar.family("empty-hard").sample(2, seed=0), 2, seed=0)
+    env.reset()
+    before = env.state().state.values
+    with pytest.raises(LevelError, match=f"intervene: {factor.__name__} must be a"):
+        env.intervene("golfball", factor, value)
+    np.testing.assert_array_equal(env.state().state.values, before)
