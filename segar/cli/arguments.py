@@ -27,7 +27,6 @@ WORLD_HELP = (
     "rules of your own, which level files do not hold: 'module:attribute' of a World, a LevelDistribution, a RuleSpace, a list"
     " of rules, or a function that makes one. Importing the module also defines the entities in it"
 )
-INDENT = "    "  # of what a narrow terminal shows on further lines
 FILE_HELP = "a level file, as `segar sample` and Levels.save write it"
 
 
@@ -158,7 +157,7 @@ def at_least(least: int) -> Callable[[str], int]:
 
 def print_answer(chosen: argparse.Namespace, answer: Mapping[str, Any], text: str) -> None:
     """Print the answer as one JSON object where the user asked for that, else the text, whose lines end at blanks."""
-    print_json(answer) if chosen.json else print("\n".join(map(_within, text.split("\n"))))
+    print_json(answer) if chosen.json else print(_fitted(text))
 
 
 def print_json(answer: Mapping[str, Any]) -> None:
@@ -172,31 +171,15 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def columns(rows: Sequence[Sequence[Any]]) -> str:
-    """Rows in columns, numbers in short, None as a dash; those for which the terminal is too narrow stand below."""
-    return "\n".join(_folded([[_cell(value) for value in row] for row in rows]))
+    """Rows in columns, numbers in short, None as a dash."""
+    return _fitted(aligned([[_cell(value) for value in row] for row in rows]))
 
 
-def _folded(rows: Sequence[Sequence[str]], place: int = 0) -> list[str]:
-    """The rows from a column on, as many columns side by side as the terminal has room for, the next ones below them."""
-    count = len(rows[0])
-    lines = aligned([row[place:count] for row in rows]).split("\n")
-    while count > place + 1 and max(map(len, lines)) > _width() - len(INDENT) * (place > 0):
-        count -= 1
-        lines = aligned([row[place:count] for row in rows]).split("\n")
-    if count == len(rows[0]):
-        return lines
-    return [f"{line}\n{INDENT}{rest}" for line, rest in zip(lines, _folded(rows, count), strict=True)]
-
-
-def _within(line: str) -> str:
-    """The line, broken at blanks where it is wider than the terminal."""
-    options: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False, "subsequent_indent": INDENT}
-    return textwrap.fill(line, _width(), **options) if len(line) > _width() else line
-
-
-def _width() -> int:
-    """Of the terminal; of what is no terminal, such as a file, without a limit."""
-    return shutil.get_terminal_size((sys.maxsize, 0)).columns
+def _fitted(text: str) -> str:
+    """The text, with lines broken at blanks where the terminal is too narrow; what is no terminal, such as a file, is not."""
+    width = shutil.get_terminal_size((sys.maxsize, 0)).columns
+    wrap = textwrap.TextWrapper(width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return "\n".join(wrap.fill(line) if len(line) > width else line for line in text.split("\n"))
 
 
 def _cell(value: Any) -> str:
