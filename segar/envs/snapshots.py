@@ -146,6 +146,8 @@ class Snapshot:
                 raise SegarError(
                     f"in this snapshot, '{name}' must be {_form(name).said(sizes)}, not {array.dtype} of shape {array.shape}"
                 )
+            if array.dtype == np.int64 and (array < 0).any():
+                raise SegarError(f"in this snapshot, environment {int((array < 0).argmax())} has a '{name}' below 0")
         parameters = levels.layout.parameters
         own = np.zeros((0, len(parameters))) if self.parameters is None else self.parameters
         if own.shape[1:] != (len(parameters),):
@@ -155,7 +157,7 @@ class Snapshot:
             if not parameter.is_possible(numbers).all():
                 raise SegarError(f"the world parameter {parameter.__name__} must be {parameter.possible_values()}")
         values, level = self.state.values, self.state.level
-        if values.shape[1:] != levels.values.shape[1:] or not ((level >= 0) & (level < len(levels))).all():
+        if values.shape[1:] != levels.values.shape[1:] or not (level < len(levels)).all():
             raise SegarError(
                 f"this snapshot is of other levels: of {values.shape[1]} entities with {values.shape[2]} columns and at"
                 f" least {level.max() + 1} levels, and here are {len(levels)} levels of {levels.values.shape[1]} entities"
@@ -173,9 +175,6 @@ class Snapshot:
             e = int(np.argwhere(wrong)[0, 0])
             places = numbers_not_finite(levels.layout, values[e], wrong[e])
             raise SegarError(f"in this snapshot, environment {e} has numbers that are not finite: {', '.join(places)}")
-        for name, counts in vars(self.state).items():
-            if counts.dtype == np.int64 and (counts < 0).any():
-                raise SegarError(f"in this snapshot, environment {int((counts < 0).argmax())} has a '{name}' below 0")
 
 
 def _form(name: str) -> Form:

@@ -119,6 +119,14 @@ def test_a_snapshot_of_another_size_or_of_other_levels_is_refused(running):
         snapshot.check_fits(levels, 6)
 
 
+@pytest.mark.parametrize("name", ["level", "tick", "contacts", "unresolved_contacts", "lengths", "episodes"])
+def test_counts_below_0_are_restored_nowhere(running, name):
+    snapshot = running.state()
+    getattr(snapshot.state if name in STATE_ARRAYS else snapshot, name)[3] = -1
+    with pytest.raises(SegarError, match=f"in this snapshot, environment 3 has a '{name}' below 0"):
+        running.restore(snapshot)
+
+
 def test_entities_that_a_level_lacks_are_not_restored_in_it():
     law = segar.DiscreteRangeNoise(0, 1)
     places = [segar.Prior(Position, segar.RandomUniformLocation())]
