@@ -81,7 +81,7 @@ def _bound(memory: int) -> None:
     taken = Path("/proc/self/statm")
     if taken.exists():
         soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-        wanted = int(taken.read_text().split()[0]) * resource.getpagesize() + memory
+        wanted = int(taken.read_bytes().split()[0]) * resource.getpagesize() + memory
         resource.setrlimit(resource.RLIMIT_AS, (wanted if soft == resource.RLIM_INFINITY else min(soft, wanted), hard))
 
 

@@ -8,7 +8,7 @@ from experiments.levels.builders import distribution_of, make_levels
 from experiments.levels.conditions import Contender, conditional_puttputt
 from experiments.levels.variations import VARIATIONS, vary
 from experiments.settings import ConfigError, LevelsConfig
-from segar import GoalTile, GolfBall, Gravity, Mass, Position, SandTile
+from segar import GoalTile, Gravity, Mass, Position, SandTile
 from segar.language import FloorFriction, Order
 from segar.metrics import w2
 from segar.rules import apply_friction, lorentz_law
@@ -132,7 +132,6 @@ def test_more_conditions_need_more_steps_and_sand_needs_a_detour():
     none, slow, wall, sand = (steps_until_success(k) for k in range(4))
     assert 0 < none <= slow <= wall
     assert sand == -1  # the steered ball never rolls over sand
-    assert isinstance(GolfBall(), GolfBall) and issubclass(Contender, GolfBall)
 
 
 def test_there_are_three_conditions():

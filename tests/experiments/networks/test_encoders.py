@@ -113,15 +113,6 @@ def test_vectors_are_read_by_an_mlp_whatever_the_cnn():
         assert one(torch.zeros(5, 9)).shape == (5, one.width) == (5, 16)
 
 
-def own_cnn(height, width, depth):
-    return nn.Sequential(nn.Flatten(), nn.Linear(height * width * depth, 256))
-
-
-def test_a_cnn_of_your_own_is_named_by_its_place():
-    one = make_encoder(PPOConfig(encoder=f"{__name__}:own_cnn"), (8, 8, 1))
-    assert one(torch.zeros((2, 8, 8, 1), dtype=torch.uint8)).shape == (2, 256)
-
-
 @pytest.mark.parametrize(
     ("name", "shape", "says"),
     [

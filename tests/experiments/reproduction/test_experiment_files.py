@@ -36,10 +36,6 @@ def test_a_scale_changes_what_it_names_and_nothing_else():
     assert paper.grid.counts == (1, 10)
 
 
-def test_at_a_scale_that_its_file_does_not_name_an_experiment_is_not_run():
-    assert experiment_at("mine", GOOD, "standard") is None
-
-
 GRID, QUICK = ["grid"], ["scales", "quick"]
 HERE = "grids.mine"
 

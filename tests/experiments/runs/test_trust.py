@@ -90,12 +90,6 @@ def test_settings_of_others_that_name_no_code_are_read(tmp_path, cache):
     assert read_config(folder_of(tmp_path)) == RunConfig()
 
 
-@pytest.mark.parametrize("trusted", [{"bad_code"}, {"*"}])
-def test_what_the_user_trusts_is_read(tmp_path, cache, trusted):
-    folder = folder_of(tmp_path, levels={"train": "bad_code:levels"})
-    assert read_config(folder, trusted).levels.train == "bad_code:levels"
-
-
 @pytest.mark.parametrize("trusted", ["bad_code", "other,bad_code", "*"])
 def test_packages_are_trusted_by_a_variable(tmp_path, cache, monkeypatch, trusted):
     monkeypatch.setenv(TRUSTED, trusted)

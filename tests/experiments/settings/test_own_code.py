@@ -6,7 +6,7 @@ import pytest
 
 import segar
 from experiments.levels.builders import distribution_of, make_levels
-from experiments.settings import ConfigError, LevelsConfig, RunConfig, run_config, without_files
+from experiments.settings import ConfigError, LevelsConfig, run_config, without_files
 from segar.errors import SegarError
 from segar.support import module_in_file, named_object
 from tests.experiments.short_runs import run_module
@@ -161,10 +161,6 @@ def test_a_file_that_is_not_there_ends_a_command_with_one_line(tmp_path):
     done = run_module("experiments.train", "levels=missing.py:calm", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.splitlines() == [f"error: levels: there is no file {tmp_path}/missing.py"]
-
-
-def test_settings_of_a_run_say_nothing_of_places_by_default():
-    assert RunConfig().module_path == ()
 
 
 def test_a_module_that_a_file_imports_is_not_taken_for_what_was_meant(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 import segar
 from segar import Friction, GoalTile, GolfBall, Mass
 from segar.language import Heat
-from segar.textures import TextureSet, shipped_sets
+from segar.textures import TextureSet
 
 INPUTS = ("background", Heat, "Charge", GoalTile, "noise_1")
 
@@ -153,7 +153,3 @@ def test_features_and_models_that_do_not_fit_are_refused():
         textures.patches(np.zeros(4))
     with pytest.raises(segar.SegarError, match="have models 0 to 1"):
         textures.patches(np.zeros(5), 2)
-
-
-def test_the_shipped_sets_are_those_that_the_docs_promise():
-    assert set(shipped_sets()) == {"one", "five", "twenty", "baseline", "close", "far"}
