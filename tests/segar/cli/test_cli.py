@@ -79,23 +79,6 @@ def test_one_s_own_distribution_and_task_are_named_by_module_and_attribute(capsy
     assert shown(capsys, "kernel", "show", "my_world:make_beach").count(": SandTile, global_friction") == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["compile", "empty-hrd"], "there is no level family 'empty-hrd'. Did you mean 'empty-hard'?"),
-        (["kernel", "show", "objectx3-hard"], "no level family 'objectx3-hard'. Did you mean 'objectsx3-hard'?"),
-        (["kernel", "show", "empty-hard", "--task", "putput"], "no task is called 'putput'. Did you mean 'puttputt'?"),
-        (["compile", "no_such_module:dist"], "'no_such_module:dist' cannot be imported: No module named"),
-        (["kernel", "show", "segar:World"], "'segar:World' is not a LevelDistribution but <class"),
-        (["kernel", "show", "empty-hard", "--task", "billiards"], "choose the task that these levels are for"),
-    ],
-)
-def test_what_is_not_known_is_one_line_and_exit_status_2(capsys, arguments, message):
-    assert cli.main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and err.count("\n") == 1 and err.startswith("segar: ") and message in err
-
-
 def test_a_reader_that_stops_early_meets_no_traceback():
     command = f"{sys.executable} -m segar kernel show objectsx3-hard | head -1"
     run = subprocess.run(command, shell=True, cwd=ROOT, capture_output=True, text=True)

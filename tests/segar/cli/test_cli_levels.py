@@ -188,39 +188,6 @@ def test_rules_that_a_level_file_only_names_are_asked_for(capsys, tmp_path):
     assert "'segar:GolfBall' is no World, LevelDistribution, RuleSpace or list of rules" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["sample", "objectx3-hard", "-o", "x.npz"], "no level family 'objectx3-hard'. Did you mean 'objectsx3-hard'?"),
-        (["sample", "place-few-v1", "-o", "x.npz"], "The suite place-few-v1 has levels of its own: `segar suites"),
-        (["sample", "place-fw-v1", "-o", "x.npz"], "'place-fw-v1' is no level family. The suite place-few-v1"),
-        (["sample", "empty-hard", "-o", "no/such/folder/x.npz"], "levels cannot be written to no/such/folder/x.npz"),
-        (["distance", "{easy}", "nothing.npz"], "there is no level file nothing.npz"),
-        (["distance", "{easy}", "{text}"], "is not a level file"),
-        (["describe", "tilesx1-medum"], "Did you mean 'tilesx1-medium'?"),
-        (["describe", "empty-hard", "-o", "figure.pgn"], "png, pdf or svg, not 'figure.pgn'. Did you mean '.png'?"),
-        (["hardness", "nothing.npz"], "there is no level file nothing.npz"),
-        (["hardness", "lab.py:gale"], "sample it first: segar sample lab.py:gale -o levels.npz"),
-        (["distance", "{easy}", "empty-hard"], "sample it first: segar sample empty-hard -o levels.npz"),
-        (["hardness", "{easy}", "--task", "putput"], "no task is called 'putput'. Did you mean 'puttputt'?"),
-        (["hardness", "{easy}", "--task", "os:sep"], "'os:sep' is no segar.Task, nor a function that makes one"),
-        (["hardness", "{easy}", "--world", "no_such:world"], "'no_such:world' cannot be imported: No module named"),
-        (["hardness", "{easy}", "--task", "billiards"], "choose the task that these levels are for"),
-    ],
-)
-def test_what_cannot_be_done_is_one_line_and_exit_status_2(
-    capsys, level_files, tmp_path, monkeypatch, arguments, message
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "text.npz").write_text("no levels")
-    there = sorted(tmp_path.iterdir())
-    places = {"easy": level_files[0], "text": tmp_path / "text.npz"}
-    assert cli.main([argument.format(**places) for argument in arguments]) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and err.count("\n") == 1 and err.startswith("segar: ") and message in err
-    assert sorted(tmp_path.iterdir()) == there
-
-
 @pytest.mark.parametrize("command", ["sample", "distance", "describe", "hardness", "compile", "families", "kernel"])
 def test_every_command_explains_itself(capsys, command):
     with pytest.raises(SystemExit) as left:
