@@ -78,13 +78,12 @@ def zero_line(axes: Axes) -> None:
     axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
 
 
-def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333", across: bool = False) -> None:
-    """The least-squares line as far as its points reach, or ``across`` the axes, whose limits stay; nothing where there is no
-    line, or fewer than six points."""
+def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333") -> None:
+    """The least-squares line as far as its points reach; nothing where there is no line, or fewer than six points."""
     if len(x) < LINE_POINTS or why_not(x, y):
         return
     limits = axes.get_xlim(), axes.get_ylim()
-    ends = np.array(limits[0] if across else (x.min(), x.max()))
+    ends = np.array((x.min(), x.max()))
     axes.plot(ends, Polynomial.fit(x, y, 1)(ends), color=colour, linewidth=style.LINE_WIDTH, zorder=4)
     axes.set(xlim=limits[0], ylim=limits[1])
 

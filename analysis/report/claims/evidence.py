@@ -2,19 +2,17 @@
 
 import dataclasses
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import rankdata
 
-from analysis.plotting.names import word_for
 from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
 from analysis.report.rules import LEAST_BLOCKS
-from analysis.stats.association import ASSOCIATION_COLUMNS, associations, kept, keys, labels
+from analysis.stats.association import ASSOCIATION_COLUMNS, associations, labels
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from analysis.stats.correlation import correlate, explained, indicators
 from analysis.stats.estimate import Estimate
@@ -31,10 +29,6 @@ SEED = 2022  # of all permutations
 RESAMPLES = 1000
 DISTANCES = {"reference": "W2 of 2022", "exact": "exact W2", "paper": "W2 of Algorithm 1"}
 GAPS = {"gap": "full returns", "gap_2022": "returns of 2022", "gap_success": "success"}
-OUTLIERS = {
-    "without points of |z| ≥ 3, the paper's rule": "removed: points",
-    "without |z| ≥ 3 in what panels leave": "removed: residuals",
-}
 GIVEN_CELL = "given cell"
 GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and n": ("panel", "levels"), GIVEN_CELL: ("cell",)}
 
@@ -96,16 +90,12 @@ class Evidence:
         found = by_blocks(table, statistic, clusters, self.least_blocks, called, values=values, correlation=correlation)
         return dataclasses.replace(found, note=found.note or f"{len(table)} rows in {found.n} blocks", n=len(table))
 
-    def correlation(
-        self, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = (), ranks: bool = False
-    ) -> Estimate:
-        """Pearson's r of two columns given others, or Spearman's ρ of their ``ranks``, with the interval and p of blocks, which
-        are those of :func:`clusters_given`."""
+    def correlation(self, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
+        """Pearson's r of two columns given others, with the interval and p of the blocks of :func:`clusters_given`."""
         whole = pearson(table, x, y, given)
         if not np.isfinite(whole.estimate):
             return whole
-        both = np.column_stack([column(table, x), column(table, y)])
-        values = np.column_stack([rankdata(both, axis=0) if ranks else both, design(table, given)])
+        values = np.column_stack([column(table, x), column(table, y), design(table, given)])
         return self.by_blocks(table, values, partial, clusters_given(table, given), correlation=True)
 
     def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str]) -> Estimate:
@@ -156,34 +146,6 @@ class Evidence:
                     fixed = keep(model.fixed, model.fixed["term"] != "intercept")
                     rows += [{**base, **row, "note": row["note"] or model.note} for row in fixed.to_dict("records")]
         return pd.DataFrame(rows)
-
-    @cached_property
-    def sensitivity(self) -> pd.DataFrame:
-        """3a, 3a-n and 3a-cell, when choices of the analysis change: which runs count, and how."""
-        rows = []
-        both = (("reference", "gap_2022"), ("exact", "gap"))
-        for (mode, gap), test in product(both, ("pooled", "given panel and n", GIVEN_CELL)):
-            base = {"w2": mode, "gap": gap, "test": test}
-            for change, evidence, table, ranks in self.changes(f"w2_{mode}", gap):
-                if len(table):
-                    found = evidence.correlation(table, f"w2_{mode}", gap, GIVEN[test], ranks)
-                    rows.append(found.row(change=change, **base))
-        return pd.DataFrame(rows)
-
-    def changes(self, x: str, y: str) -> Iterator[tuple[str, "Evidence", pd.DataFrame, bool]]:
-        """Each change of the analysis in words, with the evidence and the runs of it, and whether it takes ranks."""
-        yield "as judged: runs that learned", self, self.main, False
-        yield "all runs", self.ungated, self.ungated.main, False
-        for family in dict.fromkeys(self.main["family"]):
-            yield f"without {word_for(family)}", self, keep(self.main, self.main["family"] != family), False
-        yield "without runs with one training level", self, keep(self.main, self.main["n"] > 1), False
-        for change, rule in OUTLIERS.items():
-            rows = kept(self.main, x, y, keys(self.main, PANEL), rule) if len(self.main) else []
-            yield change, self, keep(self.main, rows), False
-        yield "Spearman's ρ in place of r", self, self.main, True
-        if y == "gap":
-            sampled = self.main.assign(gap=self.main["gap_sampled"])
-            yield "sampled actions", self, sampled, False
 
     @cached_property
     def explained(self) -> pd.DataFrame:

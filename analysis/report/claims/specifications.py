@@ -122,20 +122,6 @@ def there(choices: Mapping[str, str], runs: pd.DataFrame) -> list[tuple[str, str
     return [(words, name) for words, name in choices.items() if name in runs and len(runs)]
 
 
-def in_words(table: pd.DataFrame, claim: str) -> str:
-    """How many specifications of a claim show a relation, and of which sign; and how many with each choice."""
-    rows = select(table, claim=claim)
-    found = np.array([is_significant(Estimate.of_row(row)) for row in rows.to_dict("records")])  # type: ignore[arg-type]
-    r, said = column(rows, "estimate"), []
-    for choice in ("number of levels", "measure", "outcome", "runs"):
-        parts = {name: np.asarray(rows[choice] == name) for name in dict.fromkeys(rows[choice])}
-        if len(parts) > 1:
-            said.append(", ".join(f"{name} {found[part].sum()} of {part.sum()}" for name, part in parts.items()))
-    counts = f"{(found & (r < 0)).sum()} have r below 0 and {(found & (r > 0)).sum()} have r above 0"
-    by_choice = f" With either sign: {'; '.join(said)}." if said else ""
-    return f"**{claim}**: with p < 0.05, of {len(rows)} specifications {counts}.{by_choice}"
-
-
 def survives(table: pd.DataFrame, claim: str) -> bool:
     """Whether the specifications of a claim agree with it, by the rules; a claim without any is not held back."""
     rows = select(table, claim=claim).to_dict("records") if len(table) else []

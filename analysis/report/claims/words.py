@@ -8,19 +8,19 @@ import numpy as np
 import pandas as pd
 
 from analysis.plotting.names import word_for
-from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Claim, Finding
+from analysis.report.claims.claim import ALL_RUNS, METRIC_OURS, Claim
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.rows import PAPER_AGENT, SAC
-from analysis.report.claims.statements import tested
-from analysis.report.claims.verdicts import counted, is_significant
+from analysis.report.claims.statements import STATEMENTS, tested
+from analysis.report.claims.verdicts import is_significant
 from analysis.report.number_format import NONE, effect, estimate_text, plain, with_interval
 from analysis.report.results import ETA, SUCCESS
-from analysis.stats.correlation import explained, indicators
+from analysis.stats.correlation import indicators
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, keep, select
 
-# What the rules name second: the gap in returns, and the return on test levels, which falls as the regret grows.
-SECOND = {"gap": "gap in returns", ETA: "return on test levels (less regret)"}
+# Other outcomes that the rules name; the return on test levels falls as the regret grows.
+SECOND = {"gap_success": "gap in success", "gap": "gap in returns", ETA: "return on test levels (less regret)"}
 SEEN_SEEDS = [1, 2, 3, 4, 5, 6]  # of SAC, see rules.yaml
 
 
@@ -35,21 +35,6 @@ def agents_that_learned(evidence: Evidence, runs: pd.DataFrame) -> str:
     everything = evidence.all_results.of(PAPER_AGENT)
     lost = left_out(everything, runs)
     return f"{len(runs)} of {len(everything)} runs learned their training levels (without {lost})." if lost else ""
-
-
-def second_outcome(evidence: Evidence, runs: pd.DataFrame, claim: str, value: str) -> list[Finding]:
-    """The test of a claim about matched sets on another outcome, of :data:`SECOND`, if there are such pairs."""
-    return tested(evidence, runs, claim, of=value, words=SECOND[value], margin="")
-
-
-def second_outcomes(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
-    """All second outcomes in a sentence."""
-    parts = [
-        f"{one.test} {estimate_text(one.found, '')}, margin {plain(one.margin)} (by itself {one.verdict})"
-        for value in SECOND
-        for one in second_outcome(evidence, runs, claim, value)
-    ]
-    return f"The second outcomes, which decide nothing: {'; '.join(parts)}." if parts else ""
 
 
 def without_one_level(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
@@ -73,19 +58,6 @@ def trend_without_one_level(evidence: Evidence, harder: pd.DataFrame) -> str:
     return f"Without the runs with one training level ({METRIC_OURS}): {'; '.join(said)}." if said else ""
 
 
-def both_r2(evidence: Evidence, runs: pd.DataFrame) -> str:
-    """R² of the success on test levels on the number of levels and on the panel, of the runs that learned and of all."""
-    parts = {"runs that learned": runs, "all runs": evidence.ungated.main}
-    said = []
-    for which, part in parts.items():
-        y = column(part, SUCCESS)
-        by_n, by_panel = (explained(y, indicators(list(part[key].astype(str)))) for key in ("n", "panel"))
-        if not np.isfinite([by_n, by_panel]).all():
-            return ""
-        said.append(f"{plain(by_n)} on n and {plain(by_panel)} on the panel in {which} (n = {len(part)})")
-    return f"R² of success on test levels: {'; '.join(said)}."
-
-
 def seen_before(evidence: Evidence, runs: pd.DataFrame, claim: str, **where: str) -> str:
     """What the seeds of SAC say that are not judged."""
     found = tested(evidence, runs, claim, where={**where, "seed": SEEN_SEEDS})
@@ -95,10 +67,9 @@ def seen_before(evidence: Evidence, runs: pd.DataFrame, claim: str, **where: str
 
 def at_each_n(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
     """The same at each number of levels by itself, and of the gaps in success and in returns; a gap is negative."""
+    of = STATEMENTS["claims"][claim]["tests"][0]["of"]
     parts = [(f"{n} levels", select(runs, n=n), {}) for n in sorted({*runs["n"]})]
-    parts += [
-        (words, runs, {"of": name, "margin": ""}) for name, words in {"gap_success": "gap in success", **SECOND}.items()
-    ]
+    parts += [(words, runs, {"of": name, "margin": ""}) for name, words in SECOND.items() if name != of]
     said = [
         f"{words} {estimate_text(one.found, '')}"
         for words, part, changes in parts
@@ -159,15 +130,6 @@ def fall_over_all_runs(claim: Claim) -> str:
     return f"Over all runs, it falls: {estimate_text(one.found)}." if falls else ""
 
 
-def tests_counted(claim: Claim) -> str:
-    """How many tests of a claim have each verdict, in both settings."""
-    said = [
-        f"{counted(one.verdict for one in claim.tests(settings))} ({settings})"
-        for settings in filter(claim.has, (METRIC_2022, METRIC_OURS))
-    ]
-    return f"Panels by themselves: {'; '.join(said)}."
-
-
 # Numbers that the sentences of a claim name in braces, from its evidence and rows.
 NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {"A-ks": slope_of_ks}
 # What is said after the sentence of a claim's verdict, with numbers from its evidence and rows.
@@ -176,17 +138,15 @@ BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
     "3a-cell": partial(without_one_level, claim="3a-cell"),
     "3a-agent": agents_that_learned,
     "4a-trend": trend_without_one_level,
-    "matched-w2": partial(second_outcomes, claim="matched-w2"),
-    "matched-coverage": partial(second_outcomes, claim="matched-coverage"),
-    "5b-diversity": both_r2,
+    **{
+        name: partial(at_each_n, claim=name)
+        for name in ("matched-w2", "matched-coverage", "states-w2", "states-coverage")
+    },
     "A-sac-easy": partial(seen_before, claim="A-sac-easy", difficulty="easy"),
     "A-sac-hard": partial(seen_before, claim="A-sac-hard", agent=SAC),
-    "states-w2": partial(at_each_n, claim="states-w2"),
-    "states-coverage": partial(at_each_n, claim="states-coverage"),
     "rule-sets": without_one_rule_set,
 }
 # What is said after that, from the claim's own tests; those of several panels are counted.
 OF_TESTS: Mapping[str, Callable[[Claim], str]] = {
-    **dict.fromkeys(("3b-trend", "3b-easy", "3b-weak", "4a-all"), tests_counted),
     "rule-sets-unseen": fall_over_all_runs,
 }

@@ -1,6 +1,6 @@
 """The report's text: which claims, tables and figures stand where, and the sentences between them."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -10,9 +10,8 @@ from analysis.report.captions import TABLES
 from analysis.report.claims import verdicts
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, OF_PAPER, Claim
 from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.specifications import in_words, specifications
 from analysis.report.document import beyond, tables
-from analysis.report.document.answer import answer, in_a_word, number, why
+from analysis.report.document.answer import in_a_word, number, why
 from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Tiles, Verdict
 from analysis.report.document.files import as_block
 from analysis.report.document.missing import what_is_missing
@@ -93,10 +92,9 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
 
     there = len(evidence.ungated.main) > 0
     blocks: list[Block] = [
-        Paragraph(why(by_name), "lead"),
+        Paragraph(why(evidence, by_name), "lead"),
         *drawn("figure_3a"),
         Tiles(claims),
-        *answer(evidence, by_name),
         Heading("What the paper says"),
         claims_table([claim for claim in claims if claim.of == OF_PAPER]),
         Heading("Questions that we add"),
@@ -120,11 +118,10 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         *who_counts(evidence, there),
         Heading("The main grid: gap against W2"),
         *boxes("3a", "3a-panel", "3a-n", "3a-cell", "3a-agent"),
-        *(what_survives(evidence, drawn) if there else []),
+        *section("What survives other choices", 3, "specification_curves"),
         *beyond.matched(evidence),
         *section("Ten levels, picked in several ways", 3, "fixed_n", "fixed-n"),
         *section("Each panel by itself", 2, "figure_3b", "3b-trend", "3b-easy", "3b-empty", "3b-weak"),
-        *([tables.panel_table(evidence)] if there else ()),
         *section("What representations know", 2, "figure_4b", "4b-train", "4b-none"),
         *section("Self-supervised losses", 3, "figure_5a", "5a-gap", "5a-similar", "5a-trends"),
         *section("Mass and frame stack", 3, "appendix_mass"),
@@ -184,20 +181,11 @@ def who_counts(evidence: Evidence, there: bool) -> list[Block]:
     return [*text, tables.gate_table(evidence)]
 
 
-def what_survives(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
-    """The specification curves, and how many of the specifications say what."""
-    table = specifications(evidence)
-    claims = dict.fromkeys(table["claim"]) if len(table) else ()
-    counted = [Bullets([in_words(table, claim) for claim in claims])] if claims else []
-    return [Heading("What survives other choices", 3), *drawn("specification_curves"), *counted]
-
-
 def estimates(evidence: Evidence) -> list[Block]:
     """All correlations of the main grid, and what they rest on."""
     return [
         Heading("All correlations of the main grid"),
         tables.main_table(evidence),
-        tables.sensitivity_table(evidence),
         Paragraph(confound(evidence)),
         tables.mixed_table(evidence),
     ]

@@ -8,7 +8,6 @@ import pandas as pd
 
 from analysis.plotting.names import panel_name
 from analysis.report.captions import TABLES
-from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import BLOCKS, DISTANCES, GAPS, PERMUTATION, Evidence
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import comparison
@@ -39,7 +38,6 @@ def statistics(evidence: Evidence) -> dict[str, pd.DataFrame]:
         "associations": evidence.associations,
         "resampled": evidence.resampled,
         "mixed_models": evidence.mixed,
-        "sensitivity": evidence.sensitivity,
         "explained": evidence.explained,
         "predictors": evidence.predictors,
         "specifications": specifications(evidence),
@@ -79,31 +77,12 @@ def correlation_table(found: pd.DataFrame, head: Mapping[str, str], caption: str
     return Table(columns, rows, len(head) + 2, TABLES[caption])
 
 
-def panel_table(evidence: Evidence) -> Table:
-    """Each panel by itself, in both metrics."""
-    rows = []
-    for panel in evidence.results.panels:
-        part = select(evidence.main, panel=panel)
-        paper, ours = (evidence.correlation(part, x, y) for x, y in (("w2_reference", "gap_2022"), ("w2_exact", "gap")))
-        rows.append([
-            panel_name(panel), f"{len(part)}", f"{count_of(part, 'seed')}", *effect_of_r(paper),
-            p_value(paper.p), *effect_of_r(ours), p_value(ours.p),
-        ])  # fmt: skip
-    head = ("panel", "runs", "seeds", f"r, {METRIC_2022}", "95 %", "p", f"r, {METRIC_OURS}", "95 %", "p")
-    return Table(head, rows, 1, TABLES["panel"])
-
-
 def mixed_table(evidence: Evidence) -> Table:
     """Slopes of the mixed models."""
     words = [one if one == "log n" else "W2" for one in evidence.mixed["term"]]
     found = evidence.mixed.replace({"w2": DISTANCES, "gap": GAPS}).assign(term=words)
     head = {"w2": "distance", "gap": "returns", "model": "model", "note": "note", "term": "term"}
     return means_table(found, head, "slope", TABLES["mixed"])
-
-
-def sensitivity_table(evidence: Evidence) -> Table:
-    """3a, 3a-n and 3a-cell when choices of the analysis change."""
-    return correlation_table(evidence.sensitivity, {"change": "change", "test": "test"}, "sensitivity")
 
 
 def gate_table(evidence: Evidence) -> Table:

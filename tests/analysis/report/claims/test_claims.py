@@ -11,7 +11,7 @@ from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.reading import read_claims
 from analysis.report.claims.rows import ROWS
-from analysis.report.claims.specifications import in_words, specifications, survives
+from analysis.report.claims.specifications import specifications, survives
 from analysis.report.claims.statements import METRICS, STATEMENTS, stated
 from analysis.report.claims.tests import TESTS, differences
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
@@ -125,7 +125,7 @@ def test_matched_sets_tell_which_of_two_measures_matters(tmp_path):
     found = {claim.name: claim for claim in read_claims(evidence)}
     assert found["matched-coverage"].verdict(METRIC_OURS) == SUPPORTED
     assert found["matched-w2"].verdict(METRIC_OURS) == NOT_SUPPORTED
-    assert "The second outcomes, which decide nothing: gap in returns" in found["matched-coverage"].follows
+    assert "In other ways, which decide nothing: 10 levels" in found["matched-coverage"].follows
     kind, effect = (CONTRASTS.index(name) for name in ("gap in success", "difference"))
     for row in contrasts(evidence, evidence.results.of("matched_sets")).rows:
         planted = -0.2 if "coverage" in row[kind] else 0.0
@@ -143,18 +143,6 @@ def test_the_papers_agent_is_judged_when_all_of_its_runs_are_there(tmp_path):
     assert whole.verdict(METRIC_OURS) == SUPPORTED and len(whole.tests(METRIC_OURS)) == 1
     part = claims_of(tmp_path / "part", {"runs": runs.iloc[:-1]})["3a-agent"]
     assert part.verdict(METRIC_OURS) == NOT_TESTABLE and not part.findings and "all fifteen" in part.needs
-
-
-def test_specifications_are_counted_with_their_signs():
-    rows = [
-        {"claim": "3a-n", "number of levels": form, "measure": "exact W2", "outcome": outcome, "runs": "all", "p": p,
-         **dict(zip(("estimate", "low", "high"), (r, r - 0.1, r + 0.1), strict=True)), "n": 9}
-        for form, r in (("log n", -0.5), ("1/sqrt n", 0.5))
-        for outcome, p in (("return", 0.01), ("success", 0.02), ("regret", 0.5))
-    ]  # fmt: skip
-    said = in_words(pd.DataFrame(rows), "3a-n")
-    assert "of 6 specifications 2 have r below 0 and 2 have r above 0" in said
-    assert "log n 2 of 3, 1/sqrt n 2 of 3; return 2 of 2, success 2 of 2, regret 0 of 2." in said
 
 
 def test_specifications_are_all_combinations_and_decide_what_survives(full, tmp_path):
