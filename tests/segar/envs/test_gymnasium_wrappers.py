@@ -96,8 +96,10 @@ DRAWN = ("AddRenderObservation", "AddWhiteNoise", "ObstructView", "RenderCollect
 NEED_MORE = {"ResizeObservation", "NumpyToTorch"}  # packages of the extra `slow`
 
 
-def each(table: Mapping[str, Any], need_more: Set[str]) -> list[Any]:
-    return [pytest.param(name, marks=[pytest.mark.slow] * (name in need_more)) for name in table]
+def each(module: Any, table: Mapping[str, Any], need_more: Set[str]) -> list[Any]:
+    """The wrappers that this version of Gymnasium has."""
+    here = [name for name in table if name in module.__all__]
+    return [pytest.param(name, marks=[pytest.mark.slow] * (name in need_more)) for name in here]
 
 
 def options_of(name: str, table: dict[str, tuple[str, dict[str, Any]]]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -145,12 +147,12 @@ def _without_windows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def test_every_wrapper_is_tried_or_has_a_reason():
-    assert set(wrappers.__all__) == {*SINGLE, *NOT_THERE}
-    assert set(vector.__all__) == {*VECTOR, *NOT_THERE} - {"AtariPreprocessing", "vector"}
+    assert set(wrappers.__all__) <= {*SINGLE, *NOT_THERE}
+    assert set(vector.__all__) <= {*VECTOR, *NOT_THERE} - {"AtariPreprocessing", "vector"}
 
 
 @pytest.mark.parametrize("make", [make_by_id, make_by_class])
-@pytest.mark.parametrize("name", each(SINGLE, NEED_MORE))
+@pytest.mark.parametrize("name", each(wrappers, SINGLE, NEED_MORE))
 def test_a_wrapper_of_single_environments_plays_episodes(name, make):
     made, options = options_of(name, SINGLE)
     env = make(**made)
@@ -175,7 +177,7 @@ def test_a_wrapper_of_single_environments_plays_episodes(name, make):
 @pytest.mark.parametrize(
     "way", ["sync", "native", *(pytest.param(one, marks=pytest.mark.slow) for one in ("class", "async"))]
 )
-@pytest.mark.parametrize("name", each(VECTOR, NEED_MORE | {"HumanRendering"}))
+@pytest.mark.parametrize("name", each(vector, VECTOR, NEED_MORE | {"HumanRendering"}))
 def test_a_wrapper_of_batches_plays_episodes(name, way):
     made, options = options_of(name, VECTOR)
     env = WAYS[way](**made)
