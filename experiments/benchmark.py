@@ -14,13 +14,16 @@ Settings, as name=value:
   algorithm=NAME             a choice of conf/algorithm, or module:Class; or a player: idle, random, script, planner
   observation, algorithm.learning_rate, tracking, num_threads, ... as for experiments.train
   seeds=N, seed=1            how many seeds, from which one on; each is that of an agent and of its training levels
-  policy=module:function     a method that was trained elsewhere: function(suite, seed) gives its policy, a function of
-                             observations; its actions are recorded. It needs row=NAME
+  policy=module:function     a method that was trained elsewhere: function(side, seed) gives its policy, a function of
+                             observations, for the training side of a suite. It acts in a process of its own, and its actions
+                             are recorded. It needs row=NAME; privileged=true says that it plans in the simulator
+  policy_seconds=600         the longest wait for an answer of that process
   actions=FOLDER             what a method did, as files <suite>-s<seed>.npz with an array "test" [levels, steps, components],
                              and "train"; needs row=NAME
   row=NAME                   the name of the row; by default made of algorithm, observation and budget
   rows=FOLDER                where rows are; benchmark/ under root by default, and docs/results/benchmark for those shipped
   verify=ROW                 play a row again and compare every episode to the bit; a list of rows, or all
+  salt=WORDS                 beside verify=ROW: also play levels that follow from these words, and print the difference
   trust=true                 import the modules that such a row names; without it, rows of others import nothing
   again=ROW                  make a row anew from its description, under root=FOLDER; a list of rows, or all
   table=true                 make tables, figures and page of the rows that are there, and nothing else
@@ -28,7 +31,8 @@ Settings, as name=value:
   processes=N                runs side by side; 0, the default: one per core
   report=false               no table and no figure
 
-What scores on the suites need of the rows idle, random and planner is made, too, where no folder of rows has it.
+Networks, policies and the script are then played on levels that are drawn from the hash of the row, 1,000 for each suite and
+seed, beside the planner and random play. What scores on the suites need of the rows idle, random and planner is made, too, where no folder of rows has it.
 On a cluster: --multirun hydra/launcher=slurm suite=NAME,NAME,... seed=1,2,3 seeds=1 adds each run to one row.
 """
 
@@ -36,25 +40,32 @@ import dataclasses
 import sys
 import time
 from collections.abc import Collection, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig
 
+from experiments.benchmarking.drawn import DrawTask, draw_piece
 from experiments.benchmarking.method import again, method_of, settings_of
 from experiments.benchmarking.players import PlayerTask, action_file, make_piece
 from experiments.benchmarking.protocol import ALL, PLAYERS, REFERENCES, piece_name, row_folder, suites_named
 from experiments.benchmarking.row import (
+    DRAWN,
+    FETCH,
     ROW,
+    TABLE,
     Method,
     NewPiece,
     Piece,
     Row,
     add_pieces,
+    commitment_of_row,
     file_hash,
     read_piece,
     read_row,
     row_of,
+    write_drawn,
 )
 from experiments.benchmarking.settings import ROWS, BenchmarkConfig
 from experiments.benchmarking.verification import verify
@@ -79,10 +90,10 @@ from experiments.settings import (
 )
 from segar.cli import table
 from segar.suites import outline, suite
-from segar.support import counted
+from segar.support import EVERYTHING, counted
 
 REPORT = "benchmark"
-PLANNER_SECONDS, PLAYER_SECONDS = 8.0, 3.0  # assumed, per piece
+PLANNER_SECONDS, PLAYER_SECONDS, DRAW_SECONDS = 20.0, 3.0, 6.0  # assumed, per piece
 Key = tuple[str, int]  # a suite and a seed
 
 
@@ -97,9 +108,13 @@ def benchmark(config: BenchmarkConfig) -> None:
     elif config.again:
         make_again(config)
     elif config.table:
+        for row in named_rows([ALL], [config.folder]):
+            draw_row(config, row)
         report(config)
     else:
         name = make_row(config)
+        if config.report and not config.dry_run:
+            draw_row(config, read_row(config.folder / name))
         for reference in references_of(config) if config.report else ():
             make_row(reference)
         if config.report and not config.dry_run:
@@ -270,9 +285,11 @@ def trained_piece(run: RunConfig) -> NewPiece:
 
 def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) -> None:
     """Plays what a row without training lacks, and adds it to the row; raises :class:`TrainingError` where something failed."""
-    place = runs_root(config.run) / f"{ROWS}_pieces" / method.name
+    place = pieces_folder(config, method)
     tasks = [
-        PlayerTask(method, name, seed, place / piece_name(name, seed), config.policy, config.actions)
+        PlayerTask(
+            method, name, seed, place / piece_name(name, seed), config.policy, config.actions, config.policy_seconds
+        )
         for name, seed in left
     ]
     waiting = [task for task in tasks if not task.is_done()]
@@ -293,6 +310,40 @@ def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) ->
         show(add(config, method, found))
     if failed:
         raise TrainingError(failures(failed, len(waiting), True))
+
+
+def draw_row(config: BenchmarkConfig, row: Row) -> None:
+    """Draws and plays the levels of a row that has none yet, and writes what came of them, once all pieces are there.
+
+    Rows of recorded actions, of the references, and those that lack a file or name code that is not trusted are left as they are;
+    raises :class:`TrainingError` where something failed.
+    """
+    method, trusted = row.method, EVERYTHING in config.trusted or bool(config.policy)
+    is_code = "policy" in method.settings
+    if row.drawn or not row.can_be_drawn or method.name in REFERENCES or (is_code and not trusted):
+        return
+    if row.lacks - {TABLE}:
+        print(f"row {method.name}: its levels are not drawn, because its folder lacks files; {FETCH}", flush=True)
+        return
+    commitment = commitment_of_row(row)
+    print(f"row {method.name}: its commitment is {commitment}; from it, levels are drawn", flush=True)
+    method = dataclasses.replace(method, settings=row.settings((EVERYTHING,) if trusted else (), DRAWN))
+    place = pieces_folder(config, method) / "drawn"
+    tasks = [
+        DrawTask(method, one, row.folder / one.file, commitment, place / f"{piece_name(one.suite, one.seed)}.json",
+                 config.policy_seconds)
+        for one in row.pieces
+    ]  # fmt: skip
+    waiting = {one.path.stem: (one, DRAW_SECONDS) for one in tasks if one.found() is None}
+    failed = do_all(place / "logs", waiting, config.processes or cores(), draw_piece)
+    if failed:
+        raise TrainingError(failures(failed, len(waiting), True))
+    show(write_drawn(row, [found for one in tasks if (found := one.found()) is not None]))
+
+
+def pieces_folder(config: BenchmarkConfig, method: Method) -> Path:
+    """The folder of what is played for a row, piece by piece."""
+    return runs_root(config.run) / f"{ROWS}_pieces" / method.name
 
 
 def seconds_per_piece(config: BenchmarkConfig) -> float:
@@ -323,7 +374,8 @@ def verify_rows(config: BenchmarkConfig) -> None:
     suites = () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
     for row in named_rows(config.verify, config.places):
         began = time.monotonic()
-        count = verify(row, suites, say=lambda line: print(line, flush=True), trusted=config.trusted)
+        say = partial(print, flush=True)
+        count = verify(row, suites, say=say, trusted=config.trusted, salt=config.salt)
         print(
             f"row {row.method.name}, hash {row.hash}: {count:,} episodes are equal to the bit"
             f" ({in_minutes(time.monotonic() - began)})",

@@ -21,14 +21,16 @@ def method_of(config: BenchmarkConfig) -> Method:
     """What the row is of."""
     run = config.trained_run()
     if config.player:
-        kind = "actions" if config.player == "planner" else "player"
-        return Method(config.row or config.player, kind, SAYS[config.player])
+        return Method(config.row or config.player, "player", SAYS[config.player])
     if config.actions:
         return Method(config.row, "actions", "actions of a method that was trained elsewhere")
     if config.policy:
         says = f"{config.policy}, trained elsewhere, on {run.observation.name}"
         seen = {"name": run.observation.name, "options": dict(run.observation.options)}
-        return Method(config.row, "actions", says, "", None, {"observation": seen, "policy": config.policy})
+        settings: dict[str, Any] = {"observation": seen, "policy": config.policy}
+        return Method(
+            config.row, "actions", says, settings=settings | ({"privileged": True} if config.privileged else {})
+        )
     settings = settings_of(run, config.training_levels)
     curriculum = [] if run.curriculum is None else [run.curriculum.name]
     name = "-".join([run.algorithm.name, *curriculum, run.observation.name, config.budget])

@@ -1,19 +1,18 @@
 """Pieces of rows that need no training here: of players, of methods that were trained elsewhere, and of files of actions."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from experiments.benchmarking.drawn import policy_process
 from experiments.benchmarking.level_sets import LevelSet, hashes_of, plays_twins, sets_of
-from experiments.benchmarking.playing import options_of, planned, play_actions, play_player, read_actions, write_actions
-from experiments.benchmarking.protocol import piece_name
+from experiments.benchmarking.playing import options_of, play_actions, play_player, read_actions, write_actions
+from experiments.benchmarking.policy_process import SECONDS
+from experiments.benchmarking.protocol import SIDES, piece_name
 from experiments.benchmarking.row import Method, Piece, file_hash, read_piece, write_piece
-from experiments.runs.executed_code import code_after, code_of
 from experiments.runs.versions import versions
-from experiments.settings import ConfigError, import_object, without_files
 from segar.evaluation import record_actions
 from segar.suites import Suite, suite
 
@@ -24,8 +23,8 @@ ACTIONS = "actions.npz"
 class PlayerTask:
     """One piece: the method, the suite, the seed, and the folder that it is written to.
 
-    ``policy`` names a function ``(suite, seed) -> policy`` of a method that was trained elsewhere; ``actions`` is the folder
-    with its files of actions. Both are empty for the players of the benchmark.
+    ``policy`` names a function ``(training side, seed) -> policy`` of a method that was trained elsewhere, for whose answers
+    ``seconds`` are waited; ``actions`` is the folder with its files of actions. Both are empty for the players of the benchmark.
     """
 
     method: Method
@@ -34,6 +33,7 @@ class PlayerTask:
     folder: Path
     policy: str = ""
     actions: str = ""
+    seconds: float = SECONDS
 
     def is_done(self) -> bool:
         """Whether the piece is there for this version of the suite; what was made elsewhere may have changed."""
@@ -55,13 +55,8 @@ def make_piece(task: PlayerTask) -> dict[str, float]:
         if task.actions:
             path = action_file(Path(task.actions), task.suite, task.seed)
             actions, made_with["actions"] = read_actions(path), file_hash(path)
-        elif task.policy:
-            import_object(task.policy, "policy")  # first, so that the files it names are known from here on
-            code = code_of(without_files(task.policy, "policy"))
-            actions = actions_of(task.policy, of, sets, task)
-            made_with["code"] = code_after(code, print)
         else:
-            actions = planned(of, sets, task.seed)
+            actions, made_with["code"] = actions_of(task, of, sets)
         file, episodes = ACTIONS, play_actions(actions, of, sets, task.seed)
         write_actions(task.folder / ACTIONS, actions)
         sets = {name: sets[name] for name in actions}
@@ -74,22 +69,14 @@ def action_file(folder: Path, suite: str, seed: int) -> Path:
     return folder / f"{piece_name(suite, seed)}.npz"
 
 
-def actions_of(name: str, of: Suite, sets: Mapping[str, LevelSet], task: PlayerTask) -> dict[str, np.ndarray]:
-    """The actions that a policy takes, which ``name``, ``module:attribute``, makes for a suite and a seed; see
-    :func:`segar.evaluation.record_actions`.
-
-    Raises:
-        ConfigError: there is no such function, or what it returns is no policy.
-    """
-    make: Callable[..., Any] = import_object(name, "policy")
-    made = make(of, task.seed) if callable(make) else None
-    if not callable(made):
-        raise ConfigError(
-            f"policy: {name} must be a function of a suite and a seed that returns a policy, a function of observations; it"
-            f" {'returns ' + type(made).__name__ if callable(make) else 'is ' + type(make).__name__}"
-        )
-    found = {}
-    for key, one in sets.items():  # what is seen may differ from side to side
-        options = {**options_of(of, task.method, sets["train"].levels, one.side), "unit_actions": False}
-        found[key] = record_actions(made, one.levels, **options)
-    return found
+def actions_of(
+    task: PlayerTask, of: Suite, sets: Mapping[str, LevelSet]
+) -> tuple[dict[str, np.ndarray], Mapping[str, str]]:
+    """The actions that a policy takes on level sets, and the code that made it; see :func:`segar.evaluation.record_actions` and
+    :class:`experiments.benchmarking.policy_process.PolicyProcess`, which says what is raised."""
+    # What is seen may differ from side to side, but its numbers do not.
+    options = {
+        side: {**options_of(of, task.method, sets["train"].levels, side), "unit_actions": False} for side in SIDES
+    }
+    with policy_process(task.policy, of, task.seed, options["train"], task.seconds) as policy:
+        return {key: record_actions(policy, one.levels, **options[one.side]) for key, one in sets.items()}, policy.code

@@ -66,8 +66,11 @@ def play_each(levels: Levels, policy: Policy, options: Mapping[str, Any], plays:
 
 
 def play_player(player: str, suite: Suite, sets: Mapping[str, LevelSet], seed: int) -> pa.Table:
-    """The episodes of a player that needs no file: ``idle``, ``random`` or ``script``."""
+    """The episodes of a player that needs no file; the planner searches."""
     options = {"task": suite.task}
+    if player == "planner":
+        plans = {side: plans_on(suite, side, one.levels, seed) for side, one in sets.items()}
+        return play_actions({side: one.actions for side, one in plans.items()}, suite, sets, seed)
     if player == "random":
         played = {
             side: play_each(one.levels, Random(seed, SIDES.index(side)), options, RANDOM_PLAYS)
@@ -77,12 +80,6 @@ def play_player(player: str, suite: Suite, sets: Mapping[str, LevelSet], seed: i
         policy = {"idle": Idle, "script": Scripted}[player]()
         played = {name: play_each(one.levels, policy, options) for name, one in sets.items()}
     return table_of(suite, seed, sets, played)
-
-
-def planned(suite: Suite, sets: Mapping[str, LevelSet], seed: int) -> dict[str, np.ndarray]:
-    """The actions of the planner: a search on the training levels, and the plans of the test that come with the suite."""
-    plans = {side: plans_on(suite, side, one.levels, seed) for side, one in sets.items()}
-    return {side: one.actions[:, : one.steps.max()] for side, one in plans.items()}
 
 
 def table_of(suite: Suite, seed: int, sets: Mapping[str, LevelSet], played: Mapping[str, PlayedEpisodes]) -> pa.Table:

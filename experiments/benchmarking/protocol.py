@@ -14,6 +14,10 @@ PLAYERS = ("idle", "random", "script", "planner")
 """Rows without training, which ``algorithm=`` may name."""
 REFERENCES = ("idle", "random", "planner")
 """The rows that scores are made of: 0 is the better of the first two on each level, 1 is the third."""
+PRIVILEGED = ("script", "planner")
+"""Players that know more than a policy may: the true factors, or the simulator."""
+PROTOCOL = 2
+"""The version of the protocol by which levels are drawn from what a row is; rows of different ones do not compare."""
 SHIPPED = CHECKOUT / "docs" / "results" / "benchmark"
 """The folder of the rows that come with SEGAR."""
 SIDES = ("train", "test")

@@ -2,7 +2,8 @@
 
 A row is a folder. ``row.json`` describes it and holds the hash of every other file; ``episodes.parquet`` has all episodes,
 :data:`EPISODES`; ``<suite>-s<seed>.npz`` holds the network that played, or the actions that were taken. Where levels were
-played several times, ``levels.parquet`` has the means of each level. A folder may lack files that are published elsewhere, as
+played several times, ``levels.parquet`` has the means of each level. A row whose methods can play anything is then played on
+levels that follow from all of this, :class:`Drawn`; a row of recorded actions cannot be. A folder may lack files that are published elsewhere, as
 those of the repository do: ``segar results fetch`` gets them.
 """
 
@@ -22,6 +23,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from experiments.benchmarking.protocol import PRIVILEGED, PROTOCOL
 from experiments.runs.files import locked, read_json, read_table, replacing, write_text
 from experiments.runs.trust import settings_of_file
 from experiments.settings import RunFolderError
@@ -48,6 +50,8 @@ EPISODES = pa.schema(
 KEYS = ("suite", "seed")
 PLAYED = ("observation", "training_levels")
 """The settings by which episodes are played again."""
+DRAWN = (*PLAYED, "policy")
+"""The settings by which drawn levels are played."""
 TRAINED = (*PLAYED, "algorithm", "curriculum", "determinism", "task", "trials")
 """The settings by which a row is made again; none says where files lie."""
 LEVEL = (*KEYS, "levels", "level")
@@ -66,9 +70,13 @@ FORM = {
                 "made_with": int}],
     "made_with": [dict],
     "files": {str: str},
+    "drawn?": [{"suite": str, "seed": int, "file": str, "levels": str, "count": int, "solved": int, "random": int,
+                "planner": int, "steps": int, "planner_steps": int, "episodes": str}],
+    "protocol?": int,
     "means?": str,
     "hash": str,
 }  # fmt: skip
+RANDOM_PLAYS = 5  # random episodes on each drawn level
 
 
 @dataclass(frozen=True)
@@ -91,6 +99,43 @@ class Piece:
     file: str = ""
     bits: int = 0
     made_with: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What came of the drawn levels of one suite with one seed.
+
+    Attributes:
+        suite, seed: of the piece. file: the whole SHA-256 of its file; empty where there is none.
+        levels: the hash of the levels. count: how many there are.
+        solved, planner: how many the method solved, and the planner. random: how many of :data:`RANDOM_PLAYS` random episodes on
+            each level ended in success.
+        steps, planner_steps: in all, on levels that both solved.
+        episodes: a hash of the return, length and success of every episode of the method.
+    """
+
+    suite: str
+    seed: int
+    file: str
+    levels: str
+    count: int
+    solved: int
+    random: int
+    planner: int
+    steps: int
+    planner_steps: int
+    episodes: str
+
+    @property
+    def success(self) -> float:
+        """The share of the levels that the method solved."""
+        return self.solved / self.count
+
+    @property
+    def corrected(self) -> float:
+        """Success corrected for chance: 0 is that of random play, 1 the planner's."""
+        chance = self.random / (self.count * RANDOM_PLAYS)
+        return (self.success - chance) / (self.planner / self.count - chance)
 
 
 @dataclass(frozen=True)
@@ -119,6 +164,7 @@ class Row:
     Attributes:
         files: the names of the row's files, and their hashes. lacks: those that the folder has not got.
         means: the hash of the means of levels, which stand in for episodes that the folder lacks; empty where there are none.
+        drawn: what came of drawn levels, for each piece; empty where they were not played.
     """
 
     method: Method
@@ -128,6 +174,17 @@ class Row:
     files: Mapping[str, str] = field(default_factory=dict)
     lacks: frozenset[str] = frozenset()
     means: str = ""
+    drawn: tuple[Drawn, ...] = ()
+
+    @property
+    def is_privileged(self) -> bool:
+        """Whether the method knows more than a policy may, as it says."""
+        return self.method.name in PRIVILEGED or bool(self.method.settings.get("privileged"))
+
+    @property
+    def can_be_drawn(self) -> bool:
+        """Whether the method plays levels that it has never seen: recorded actions alone cannot."""
+        return self.method.kind != "actions" or "policy" in self.method.settings
 
     def episodes(self) -> pa.Table:
         """All episodes, :data:`EPISODES`, piece after piece; raises :class:`RunFolderError` if the folder lacks them."""
@@ -191,7 +248,56 @@ def read_row(folder: Path) -> Row:
     made_with = data["made_with"]
     pieces = tuple(Piece(**{**one, "made_with": made_with[one["made_with"]]}) for one in data["pieces"])
     method = Method(**{one.name: data[one.name] for one in dataclasses.fields(Method)})
-    return Row(method, pieces, folder, stated, data["files"], frozenset(data["files"]) - there, means or "")
+    drawn = tuple(Drawn(**one) for one in data.get("drawn", ()))
+    _check_drawn(path, data, drawn)
+    return Row(method, pieces, folder, stated, data["files"], frozenset(data["files"]) - there, means or "", drawn)
+
+
+def commitment_of(method: Method, pieces: Sequence[Piece], files: Mapping[tuple[str, int], str]) -> str:
+    """The SHA-256 of what a row is before its levels are drawn: the version of the protocol, the kind of the method and the
+    settings that it plays by, and of each piece the suite with its hash, the seed, the SHA-256 of its file (weights, or recorded
+    actions), and the code of the user's own that plays it."""
+    parts = [
+        [one.suite, one.suite_hash, one.seed, files[one.suite, one.seed], one.made_with.get("code", {})] for one in pieces
+    ]
+    played = {key: value for key, value in method.settings.items() if key in DRAWN}
+    player = method.name if method.kind == "player" else ""
+    data = [PROTOCOL, method.kind, player, played, parts]
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+
+def commitment_of_row(row: Row) -> str:
+    """The commitment of a row that has all of its files, or whose drawn levels name them."""
+    if row.drawn:
+        digests = {(one.suite, one.seed): one.file for one in row.drawn}
+    else:
+        digests = {
+            (one.suite, one.seed): sha256_of(row.folder / one.file, "file", RunFolderError) if one.file else ""
+            for one in row.pieces
+        }
+    return commitment_of(row.method, row.pieces, digests)
+
+
+def _check_drawn(path: Path, data: Mapping[str, Any], drawn: Sequence[Drawn]) -> None:
+    """Raises :class:`RunFolderError` where drawn levels are of another protocol, of other pieces, or come to no numbers."""
+    if not drawn:
+        return
+    if data.get("protocol") != PROTOCOL:
+        raise RunFolderError(
+            f"{path}: its levels were drawn by protocol {data.get('protocol')}, and this version plays protocol {PROTOCOL}; such"
+            " numbers do not compare. Make the row again: again=ROW root=FOLDER"
+        )
+    files = {(one["suite"], one["seed"]): one["file"] for one in data["pieces"]}
+    if [*files] != [(one.suite, one.seed) for one in drawn]:
+        raise RunFolderError(f"{path}: drawn: it must have the pieces of the row, each once and in their order")
+    for one in drawn:
+        where = f"{path}: drawn: {one.suite}, seed {one.seed}"
+        file = files[one.suite, one.seed]
+        if one.file[:DIGITS] != data["files"].get(file, ""):
+            raise RunFolderError(f"{where}: its file has the SHA-256 {data['files'].get(file)}..., not {one.file}")
+        chance, most = one.random / RANDOM_PLAYS, one.count
+        if not (0 <= one.solved <= most and 0 <= chance < one.planner <= most and min(one.steps, one.planner_steps) >= 0):
+            raise RunFolderError(f"{where}: {one.solved} solved of {most}, random {chance:g}, planner {one.planner} cannot be")
 
 
 def _checked(path: Path, schema: pa.Schema, pieces: Sequence[Piece]) -> pa.Table:
@@ -258,6 +364,15 @@ def add_pieces(folder: Path, method: Method, new: Sequence[NewPiece]) -> Row:
     return read_row(folder)
 
 
+def write_drawn(row: Row, drawn: Sequence[Drawn]) -> Row:
+    """The row with what came of drawn levels, written; raises :class:`RunFolderError` where it has changed meanwhile."""
+    with locked(row.folder.parent, RunFolderError, "start the command again later", WAIT):
+        if read_row(row.folder) != row:
+            raise RunFolderError(f"{row.folder}: the row changed while its levels were played; start the command again")
+        _write(row.folder, row.method, row.pieces, row.files, drawn)
+    return read_row(row.folder)
+
+
 def row_of(folder: Path, method: Method) -> Row | None:
     """The row of a method in a folder, None where there is none; raises :class:`RunFolderError` if it is of another method."""
     if not (folder / ROW).exists():
@@ -301,7 +416,9 @@ def write_means(folder: Path, episodes: pa.Table) -> None:
             pq.write_table(means, str(beside), compression="zstd")
 
 
-def _write(folder: Path, method: Method, pieces: Sequence[Piece], known: Mapping[str, str]) -> None:
+def _write(
+    folder: Path, method: Method, pieces: Sequence[Piece], known: Mapping[str, str], drawn: Sequence[Drawn] = ()
+) -> None:
     """Writes the description of a row, whose other files are written already, and removes files that no piece has.
 
     Args:
@@ -319,6 +436,8 @@ def _write(folder: Path, method: Method, pieces: Sequence[Piece], known: Mapping
         listed.append({**dataclasses.asdict(one), "made_with": made_with.index(one.made_with)})
     data = {"format": FORMAT, **dataclasses.asdict(method), "pieces": listed, "made_with": made_with}
     files = {name: file_hash(folder / name) if (folder / name).exists() else known[name] for name in sorted(kept)}
+    if drawn:
+        data |= {"drawn": [dataclasses.asdict(one) for one in drawn], "protocol": PROTOCOL}
     data = _plain({**data, "files": files})
     means = {"means": file_hash(folder / MEANS)} if (folder / MEANS).exists() else {}
     write_text(folder / ROW, json.dumps({**data, **means, "hash": hash_of(data)}, indent=1) + "\n")

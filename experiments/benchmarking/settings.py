@@ -4,6 +4,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from experiments.benchmarking.policy_process import SECONDS
 from experiments.benchmarking.protocol import BUDGETS, PLAYERS, SHIPPED, is_about_looks, suites_named
 from experiments.benchmarking.row import NAME
 from experiments.runs.run_folder import runs_root
@@ -24,11 +25,14 @@ class BenchmarkConfig:
     seeds: Count = 5
     player: str = ""  # one without training, in place of an algorithm
     policy: str = ""  # of a method that was trained elsewhere
+    policy_seconds: float = SECONDS
+    privileged: bool = False  # the policy plans in the simulator, or knows more than it is given
     actions: str = ""  # folder of files of actions
     training_levels: LevelCount | None = None  # on each suite; None: as many as it says
     row: str = ""
     rows: str | None = None
     verify: tuple[str, ...] = ()
+    salt: str = ""
     again: tuple[str, ...] = ()
     trust: bool = False  # import the modules that rows name
     table: bool = False
@@ -39,6 +43,8 @@ class BenchmarkConfig:
     def __post_init__(self) -> None:
         require_known("budget", self.budget, BUDGETS)
         require(self.processes >= 0, "processes", self.processes, "0 or more")
+        require(self.policy_seconds > 0, "policy_seconds", self.policy_seconds, "above 0")
+        require(not self.salt or bool(self.verify), "salt", self.salt, "given beside verify=ROW")
         if self.player:
             require_known("algorithm", self.player, PLAYERS)
         given = [name for name in ("player", "policy", "actions") if getattr(self, name)]

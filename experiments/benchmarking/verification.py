@@ -6,10 +6,24 @@ from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 import pyarrow as pa
+from scipy import stats
 
+from experiments.benchmarking.drawn import play_drawn
 from experiments.benchmarking.playing import replay
 from experiments.benchmarking.protocol import SHIPPED, piece_name
-from experiments.benchmarking.row import FETCH, PLAYED, ROW, TABLE, Piece, Row, means_of, read_row
+from experiments.benchmarking.row import (
+    DRAWN,
+    FETCH,
+    PLAYED,
+    ROW,
+    TABLE,
+    Drawn,
+    Piece,
+    Row,
+    commitment_of_row,
+    means_of,
+    read_row,
+)
 from experiments.runs.executed_code import differing_parts
 from experiments.settings import ConfigError, RunFolderError
 from segar.errors import SuiteError
@@ -26,14 +40,16 @@ def verify(
     seeds: Collection[int] = (),
     say: Callable[[str], None] = lambda line: None,
     trusted: Collection[str] = (),
+    salt: str = "",
 ) -> int:
     """Play the pieces of a row again; returns how many episodes are the same to the bit, which are all.
 
     Pieces whose network or actions the folder lacks are left out, and ``say`` gets a line that names them. Where the folder has
-    the means of levels in place of episodes, means are compared.
+    the means of levels in place of episodes, means are compared. Drawn levels are drawn and played again, too.
 
     Args:
         suites, seeds: only these; all where they are empty.
+        salt: words for other draws, which the author could not know: ``say`` gets the difference.
         trusted: packages whose code the row may bring in.
 
     Raises:
@@ -64,10 +80,57 @@ def verify(
         raise RunFolderError(
             f"{row.folder}: there are episodes of {piece_name(name, seed)}, which is no piece of the row"
         )
+    count += _verify_drawn(row, here, say, trusted, salt)
     if not (suites or seeds or left_out):
         with open(private_cache_folder() / VERIFIED, "a", encoding="ascii") as file:
             file.write(f"{_content(row)}\n")
     return count
+
+
+def _verify_drawn(
+    row: Row, pieces: Sequence[Piece], say: Callable[[str], None], trusted: Collection[str], salt: str
+) -> int:
+    """Draws and plays the levels of pieces again; returns how many episodes are equal."""
+    if not row.drawn:
+        if salt:
+            raise ConfigError(f"salt: the levels of {row.method.name} were not drawn: it was played on practice levels alone")
+        return 0
+    if "policy" in row.method.settings and not trusted:
+        if salt:
+            raise ConfigError(f"salt: {row.method.name} is code of somebody else's, which trust=true runs")
+        say(f"{row.method.name}: drawn levels are not verified: its policy is code, which trust=true runs")
+        return 0
+    method = dataclasses.replace(row.method, settings=row.settings(trusted, DRAWN))
+    commitment, stated = commitment_of_row(row), {(one.suite, one.seed): one for one in row.drawn}
+    solved: list[tuple[Drawn, Drawn]] = []
+    for piece in pieces:
+        name = f"{row.method.name}: {piece_name(piece.suite, piece.seed)}"
+        there, path = stated[piece.suite, piece.seed], row.folder / piece.file
+        here = play_drawn(method, piece, path, commitment)
+        for one in (field.name for field in dataclasses.fields(Drawn)):
+            if getattr(there, one) != getattr(here, one):
+                raise RunFolderError(
+                    f"{name}: drawn levels: '{one}' is {getattr(there, one)!r} in the row and {getattr(here, one)!r} when they"
+                    " are drawn and played again"
+                )
+        say(f"{name}: {here.count} episodes on drawn levels are equal to the bit, {here.solved} solved")
+        if salt:
+            solved.append((here, play_drawn(method, piece, path, commitment, salt)))
+    if solved:
+        say(f"{row.method.name}: {_difference(solved, salt)}")
+    return sum(stated[one.suite, one.seed].count for one in pieces)
+
+
+def _difference(pairs: Sequence[tuple[Drawn, Drawn]], salt: str) -> str:
+    """What the success on drawn levels is above that on levels of a salt, in words."""
+    samples = [np.concatenate([np.arange(one.count) < one.solved for one in part]) for part in zip(*pairs, strict=True)]
+    first, second = (float(one.mean()) for one in samples)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        low, high = stats.ttest_ind(*samples, equal_var=False).confidence_interval()
+    found = f"success {first:.3f} on drawn levels, {second:.3f} on those of the salt '{salt}', {len(samples[0]):,} levels each"
+    return f"{found}: the difference is {first - second:+.3f}" + (
+        f" [{low:+.3f}, {high:+.3f}] (95 %, Welch)" if np.isfinite(low) else ""
+    )
 
 
 def is_verified(row: Row) -> bool:

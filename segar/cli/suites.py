@@ -4,6 +4,7 @@ import argparse
 from typing import Any
 
 from segar.cli import arguments
+from segar.errors import SegarError
 from segar.suites import CORE, card, suite, suites
 
 SHOWN = ("axis", "shift", "says", "training_levels", "hash")
@@ -15,11 +16,16 @@ def add_commands(commands: Any) -> None:
     purpose = "list the suites that methods are compared on, or tell of one of them"
     listing = arguments.command(commands, "suites", tell, purpose)
     listing.add_argument("name", metavar="SUITE", nargs="?", help="a suite; without it, all are listed")
+    listing.add_argument("--plans", metavar="FILE", help="write the plans of its test levels, found again by the planner")
 
 
 def tell(chosen: argparse.Namespace) -> None:
     """``segar suites``."""
-    if chosen.name is None:
+    if chosen.plans and chosen.name is None:
+        raise SegarError("--plans: name the suite whose plans are wanted")
+    if chosen.plans:
+        suite(chosen.name).plans.save(chosen.plans)
+    elif chosen.name is None:
         found = [suite(name) for name in suites()]
         of_core = {one.name: one.name in CORE for one in found}
         rows = [

@@ -7,6 +7,7 @@ from .policy_evaluation import (
     Interval as Interval,
     LevelSetResult as LevelSetResult,
     adaptation_gain,
+    checked_actions as checked_actions,
     evaluate_levels as evaluate_levels,
     evaluate_policy,
     mean_of_levels as mean_of_levels,

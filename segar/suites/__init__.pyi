@@ -18,7 +18,14 @@ from .sides import (
 )
 from .suite_card import card as card
 from .suite_evaluation import RANDOM_PLAYS as RANDOM_PLAYS, evaluate_on_side, evaluate_on_suite, plans_on as plans_on
-from .suite_file import Suite as Suite, outline as outline, read_suite, suite
+from .suite_file import (
+    Suite as Suite,
+    TrainingSide as TrainingSide,
+    hide_tests as hide_tests,
+    outline as outline,
+    read_suite,
+    suite,
+)
 from .suite_names import AXES as AXES, CORE as CORE, suites
 
 __all__ = [

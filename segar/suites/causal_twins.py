@@ -210,7 +210,7 @@ def _twin(suite: Suite, group: str, names: tuple[str, ...], differs: bool, seed:
     n = len(levels)
     found, left = np.zeros(n, np.bool_), np.arange(n)
     made: Levels | None = None
-    plans = suite.plans
+    plans = _no_plans(levels, suite)
     for _ in range(MOST_TRIES):
         taken, given = donors.next_for(levels[left])
         left = left[taken]  # no more entities of these types come
@@ -277,6 +277,13 @@ def _certified(levels: Levels, suite: Suite, rng: np.random.Generator) -> Plan:
             break
     assert best is not None
     return best
+
+
+def _no_plans(levels: Levels, suite: Suite) -> Plan:
+    """Plans of levels that nobody solved."""
+    n, task = len(levels), suite.task
+    never, actions = np.zeros(n, np.bool_), np.zeros((n, task.max_steps, len(task.action_low)), np.float32)
+    return Plan(never, never, np.zeros(n, np.int64), np.zeros(n), actions, levels.values, task.name, 0, 0)
 
 
 def _joined(plans: Plan, rows: np.ndarray, others: Plan) -> Plan:

@@ -23,22 +23,25 @@ from segar.suites.suite_file import (
     FORMAT,
     HASH_DIGITS,
     HASHED,
+    ITERATIONS,
     LEVELS,
     PLANS,
+    SAMPLES,
+    SEARCH,
     SIDES,
     SUFFIX,
+    TEST_SEED,
     Suite,
     distribution_of,
     hash_of_plans,
     read_suite,
+    solved_levels,
     suite_hash,
     task_from,
 )
 from segar.tasks import task_of
 
 TEST_LEVELS, OWN_TRAINING_LEVELS = 200, 100
-TEST_SEED = 0
-SEARCH = 3  # of the planner's random numbers
 PLAYS = 20  # random episodes per level
 LEAST_SOLVED = 0.99  # share of test levels that the planner solves
 MOST_BY_CHANCE = 0.2  # share that idle and random play may solve
@@ -87,8 +90,8 @@ def freeze(
     hidden: Sequence[type[Factor]] = (),
     textures: Sequence[str] = (),
     test_levels: int = TEST_LEVELS,
-    samples: int = 128,
-    iterations: int = 10,
+    samples: int = SAMPLES,
+    iterations: int = ITERATIONS,
 ) -> Suite:
     """Write a suite: ``path``, which ends in ``.toml``, and beside it its test levels and the plans that solve them.
 
@@ -110,7 +113,7 @@ def freeze(
     """
     path = Path(path)
     made = task_from(path, task, options or {})
-    levels, plans, unsolved = _solved(path, test, test_levels, made, samples, iterations)
+    levels, plans, unsolved = solved_levels(path, test, test_levels, made, samples, iterations)
     description: dict[str, Any] = {
         "format": FORMAT,
         "name": path.stem,
@@ -163,7 +166,7 @@ def own_suite(
     plans = plan(levels, played, rng=np.random.default_rng(SEARCH), samples=64, iterations=5)
     hashes = {"train": train.hash, "test": test.hash, "levels": hash_of_levels(levels), "plans": hash_of_plans(plans)}
     whole = hashlib.sha256(json.dumps(hashes).encode()).hexdigest()[:HASH_DIGITS]
-    return Suite(name, "", "", "", train, test, levels, plans, OWN_TRAINING_LEVELS, played, (), (), 0, whole, hashes)
+    return Suite(name, "", "", "", train, test, levels, lambda: plans, OWN_TRAINING_LEVELS, played, (), (), 0, whole, hashes)
 
 
 def _written(path: Path, levels: Levels, plans: Plan, text: str) -> Suite:
@@ -188,21 +191,6 @@ def _written(path: Path, levels: Levels, plans: Plan, text: str) -> Suite:
     except OSError as error:
         raise SuiteError(f"{path}: the suite cannot be written: {error.strerror or error}") from error
     return found
-
-
-def _solved(
-    path: Path, test: LevelDistribution, number: int, task: Task, samples: int, iterations: int
-) -> tuple[Levels, Plan, int]:
-    """The first levels that the planner solves, their plans, and how many others it met before the last of them."""
-    levels = test.sample(number + number // 4 + 1, seed=TEST_SEED, split="test")
-    plans = plan(levels, task, rng=np.random.default_rng(SEARCH), samples=samples, iterations=iterations)
-    chosen = np.flatnonzero(plans.solved)[:number]
-    if len(chosen) < number:
-        raise SuiteError(
-            f"{path}: the planner solves only {len(chosen)} of {len(levels)} levels of the test; choose a distribution whose"
-            " levels can be solved, or a larger search: samples, iterations"
-        )
-    return levels[chosen], plans[chosen], int(chosen[-1]) + 1 - number
 
 
 def _rules(distribution: LevelDistribution) -> list[str]:

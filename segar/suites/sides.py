@@ -7,7 +7,7 @@ from typing import Any
 
 from segar.errors import SuiteError, must_be
 from segar.observations import OBSERVATIONS, Observation, StateVector, make_observation, trained_on
-from segar.suites.suite_file import SIDES, Suite
+from segar.suites.suite_file import SIDES, Suite, TrainingSide
 
 TEXTURED = {"rgb": "textures", "rgb_stack2": "textures_stack2", "rgb_stack4": "textures_stack4"}
 """Observations of frames in solid colours, to the ones that show a suite's textures in their place."""
@@ -16,7 +16,7 @@ FIXED = ("task", "world", "max_steps", "sub_steps")
 
 
 def side_options(
-    suite: Suite, side: str, seed: int = 1, *, training_levels: int | None = None, observation: Any = "state"
+    suite: Suite | TrainingSide, side: str, seed: int = 1, *, training_levels: int | None = None, observation: Any = "state"
 ) -> dict[str, Any]:
     """Arguments of environments that play a side of a suite: ``levels``, ``task`` and ``observation``.
 
@@ -26,21 +26,22 @@ def side_options(
     (64, 64, 3)
 
     Args:
+        suite: a suite, or its training side, which a policy of the benchmark is given.
         side: ``"train"`` or ``"test"``.
         seed: draws the training levels. The test levels are frozen.
         training_levels: how many; as many as the suite says where it is None.
         observation: see :func:`observation_on`. A normalised one has the units of training on both sides.
 
     Raises:
-        SuiteError: there is no such side, or the suite does not show this observation.
+        SuiteError: there is no such side, a training side is asked for the test, or the suite does not show this observation.
     """
     seen = observation_on(suite, side, observation)
     train = suite.sample(seed, training_levels)
-    levels = train if side == "train" else suite.test_levels
+    levels = suite.test_levels if side == "test" and isinstance(suite, Suite) else train
     return {"levels": levels, "task": suite.task, "observation": trained_on(seen, train)}
 
 
-def observation_on(suite: Suite, side: str, observation: Any = "state") -> Observation:
+def observation_on(suite: Suite | TrainingSide, side: str, observation: Any = "state") -> Observation:
     """What is observed on a side of a suite.
 
     Args:
@@ -53,8 +54,9 @@ def observation_on(suite: Suite, side: str, observation: Any = "state") -> Obser
         SuiteError: the suite is about textures, and the observation shows none, or a set of its own; or it shows what the
             suite hides.
     """
-    if side not in SIDES:
-        raise SuiteError(f"side {must_be(side, SIDES)}")
+    known = SIDES if isinstance(suite, Suite) else SIDES[:1]
+    if side not in known:
+        raise SuiteError(f"side {must_be(side, known)}")
     if isinstance(observation, str) and (observation in OBSERVATIONS or suite.textures):
         name, options = named_observation(suite, side, observation)
         return OBSERVATIONS[name](**options)
@@ -74,7 +76,7 @@ def observation_on(suite: Suite, side: str, observation: Any = "state") -> Obser
 
 
 def named_observation(
-    suite: Suite, side: str, name: str, options: Mapping[str, Any] | None = None
+    suite: Suite | TrainingSide, side: str, name: str, options: Mapping[str, Any] | None = None
 ) -> tuple[str, dict[str, Any]]:
     """The name and options of an observation with what the suite says of it: factors that states hide, and the textures that
     frames show; raises as :func:`observation_on`."""
@@ -100,11 +102,11 @@ def require_free(suite: Suite, options: Iterable[str]) -> None:
             )
 
 
-def _no_textures(suite: Suite, given: str) -> SuiteError:
-    train, test = suite.textures
+def _no_textures(suite: Suite | TrainingSide, given: str) -> SuiteError:
+    shown = zip(suite.textures, ("training", "the test"), strict=False)
+    sets = " and ".join(f"the set of textures {name} in {where}" for name, where in shown)
     return SuiteError(
-        f"observation: the suite {suite.name} shows the set of textures {train} in training and the set {test} in the test,"
-        f" which {given} does not; choose {', '.join(TEXTURED)} or {', '.join(TEXTURED.values())}, without the option"
+        f"observation: the suite {suite.name} shows {sets}, which {given} does not; choose {', '.join(TEXTURED)} or {', '.join(TEXTURED.values())}, without the option"
         " textures, or a function that makes one from the name of a set, such as lambda name: TexturedPixels(name)"
     )
 

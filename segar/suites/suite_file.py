@@ -6,9 +6,9 @@ import dataclasses
 import hashlib
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property, partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError, SuiteError, did_you_mean
-from segar.hardness import Plan
+from segar.hardness import Plan, plan
 from segar.language import Factor, Task, all_subclasses
 from segar.levels import LevelDistribution, Levels, family, hash_of_levels, read_distribution
 from segar.suites.rules_by_name import RULES, rules_of
@@ -31,6 +31,8 @@ SEEDS = 2**64
 LONGEST = 2**20  # [bytes] of the text of a suite; those that come with SEGAR have 4,000
 LOOKS = ("baseline", "close", "far")  # sets of textures that a suite can have
 HASHED = ("train", "test", "levels", "plans", "suite")
+TEST_SEED = 0
+SEARCH, SAMPLES, ITERATIONS = 3, 128, 10  # of the planner: its random numbers, candidates and rounds on each test level
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,7 +44,7 @@ class Suite:
         says: what differs, in a sentence.
         train, test: the level distributions.
         test_levels: the frozen levels of the test.
-        plans: for each of them, the best episode that was found, with the actions that certify it.
+        find_plans: makes :attr:`plans`.
         training_levels: how many levels a method trains on, unless it draws levels without end.
         task: what is played.
         hidden: factors that no observation of states may show.
@@ -60,7 +62,7 @@ class Suite:
     train: LevelDistribution
     test: LevelDistribution
     test_levels: Levels
-    plans: Plan
+    find_plans: Callable[[], Plan]
     training_levels: int
     task: Task
     hidden: tuple[type[Factor], ...]
@@ -68,6 +70,26 @@ class Suite:
     unsolved: int
     hash: str
     hashes: Mapping[str, str]
+
+    @cached_property
+    def plans(self) -> Plan:
+        """The best episode that was found on each test level, with the actions that certify it.
+
+        Those of the suites that come with SEGAR are in no file, so that nothing that plays a test can read them: the search that
+        froze the test makes them again, to the bit, in 5 to 20 s.
+
+        Raises:
+            SuiteError: they are not those that were frozen.
+        """
+        found = self.find_plans()
+        if (digits := hash_of_plans(found)) != self.hashes["plans"]:
+            raise SuiteError(_changed(self.name, "plans", digits, self.hashes["plans"]))
+        return found
+
+    def training_side(self, seed: int) -> TrainingSide:
+        """What a method with this seed may know of the suite; raises as :meth:`sample`."""
+        shared = {one.name: getattr(self, one.name) for one in dataclasses.fields(TrainingSide) if hasattr(self, one.name)}
+        return TrainingSide(**{**shared, "textures": self.textures[:1]}, seed=seed, levels=self.sample(seed))
 
     def __repr__(self) -> str:
         return f"<suite {self.name}: {self.axis}, {self.shift}; {len(self.test_levels)} test levels; {self.hash}>"
@@ -83,6 +105,43 @@ class Suite:
         if n is not None and (not is_whole(n) or n < 1):
             raise SuiteError(f"{self.name}: the number of training levels must be a whole number from 1 up, not {n!r}")
         return self.train.sample(self.training_levels if n is None else n, seed=seed, apart_from=self.test_levels)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TrainingSide:
+    """The training side of a suite with a seed: all that a method may know. Neither test levels nor their distribution are here.
+
+    Attributes:
+        name, axis, train, training_levels, task, hidden, hash: of the suite. textures: the set of training alone, or none.
+        seed: of the method and of its training levels. levels: these.
+    """
+
+    name: str
+    axis: str
+    train: LevelDistribution
+    training_levels: int
+    task: Task
+    hidden: tuple[type[Factor], ...]
+    textures: tuple[str, ...]
+    hash: str
+    seed: int
+    levels: Levels
+
+    def sample(self, seed: int, n: int | None = None) -> Levels:
+        """Levels to train on: :attr:`levels`, or of another seed or number those of the distribution. Raises as
+        :meth:`Suite.sample`."""
+        if seed == self.seed and n in (None, len(self.levels)):
+            return self.levels
+        return self.train.sample(self.training_levels if n is None else n, seed=seed)
+
+
+_tests_are_hidden = False
+
+
+def hide_tests() -> None:
+    """From here on, this process reads no suite: it acts for a method, which sees training sides alone."""
+    global _tests_are_hidden
+    _tests_are_hidden = True
 
 
 @cache
@@ -106,44 +165,48 @@ def outline(name: str) -> dict[str, Any]:
 
 
 def read_suite(path: str | PathLike[str]) -> Suite:
-    """The suite of a file, whose levels and plans lie beside it.
+    """The suite of a file, whose levels lie beside it; so may its plans.
 
     The file is data: distributions are read as text of constructors, rules by their names in :data:`segar.suites.RULES`, and
     nothing in it is imported or called.
 
     Raises:
-        SuiteError: the file is no suite, or something in it or beside it has another hash than it says.
+        SuiteError: the file is no suite, or something in it or beside it has another hash than it says; or this process acts
+            for a method, see :func:`hide_tests`.
     """
     path = Path(path)
+    if _tests_are_hidden:
+        raise SuiteError(
+            f"{path.stem}: a policy sees the training side of a suite alone, which its function is given; no test can be read in"
+            " its process"
+        )
     found = _read(path)
     hidden = tuple(_factor(path, name) for name in found["hidden"])
     given = {side: distribution_of(path, found, side) for side in SIDES}
     try:
         levels = Levels.load(path.with_suffix(LEVELS), world=given["test"].world)
-        plans = Plan.load(path.with_suffix(PLANS))
     except SegarError as error:
         raise SuiteError(f"{path}: {error}") from error
     hashes = {
         "train": given["train"].hash,
         "test": given["test"].hash,
         "levels": hash_of_levels(levels),
-        "plans": hash_of_plans(plans),
+        "plans": found["hashes"]["plans"],
     }
     hashes["suite"] = suite_hash(found, hashes)
     for what in HASHED:
         if hashes[what] != found["hashes"][what]:
-            raise SuiteError(
-                f"{path}: {_WHERE[what]} is not what was frozen: its hash is {hashes[what]}, and the suite says"
-                f" {found['hashes'][what]}. Results on it compare with no others; an edited suite gets a name and a version of"
-                " its own, and hashes of its own"
-            )
+            raise SuiteError(_changed(path, what, hashes[what], found["hashes"][what]))
+    task = task_from(path, found["task"]["name"], found["task"]["options"])
+    file = path.with_suffix(PLANS)
+    search = partial(_plans_again, path, given["test"], len(levels), task)
     return Suite(
         **{key: found[key] for key in ("name", "axis", "shift", "says", "training_levels", "unsolved")},
         train=given["train"],
         test=given["test"],
         test_levels=levels,
-        plans=plans,
-        task=task_from(path, found["task"]["name"], found["task"]["options"]),
+        find_plans=partial(_plans_in, file) if file.exists() else search,
+        task=task,
         hidden=hidden,
         textures=tuple(found["textures"]),
         hash=hashes["suite"],
@@ -155,9 +218,44 @@ _WHERE = {
     "train": "the training distribution, [train]",
     "test": "the test distribution, [test]",
     "levels": "the file of test levels beside it",
-    "plans": "the file of plans beside it",
+    "plans": "what the planner finds, or the file of plans beside it,",
     "suite": "the description (name, axis, shift, task, hidden, training_levels or rules)",
 }
+
+
+def _changed(where: object, what: str, here: str, there: str) -> str:
+    """What is said of a part whose hash is another one."""
+    return (
+        f"{where}: {_WHERE[what]} is not what was frozen: its hash is {here}, and the suite says {there}. Results on it compare"
+        " with no others; an edited suite gets a name and a version of its own, and hashes of its own"
+    )
+
+
+def _plans_in(path: Path) -> Plan:
+    try:
+        return Plan.load(path)
+    except SegarError as error:
+        raise SuiteError(f"{path}: {error}") from error
+
+
+def _plans_again(path: Path, test: LevelDistribution, number: int, task: Task) -> Plan:
+    return solved_levels(path, test, number, task, SAMPLES, ITERATIONS)[1]
+
+
+def solved_levels(
+    path: Path, test: LevelDistribution, number: int, task: Task, samples: int, iterations: int
+) -> tuple[Levels, Plan, int]:
+    """The first levels that the planner solves, their plans, and how many others it met before the last of them."""
+    levels = test.sample(number + number // 4 + 1, seed=TEST_SEED, split="test")
+    rng = np.random.default_rng(SEARCH)
+    plans = plan(levels, task, rng=rng, samples=samples, iterations=iterations)
+    chosen = np.flatnonzero(plans.solved)[:number]
+    if len(chosen) < number:
+        raise SuiteError(
+            f"{path}: the planner solves only {len(chosen)} of {len(levels)} levels of the test; choose a distribution whose"
+            " levels can be solved, or a larger search: samples, iterations"
+        )
+    return levels[chosen], plans[chosen], int(chosen[-1]) + 1 - number
 
 
 _SIDE = {"rules": str, "distribution": str}

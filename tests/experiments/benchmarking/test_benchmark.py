@@ -56,7 +56,7 @@ def row_made_here(config, of=SUITE):
     """The row of a method without training, made in this process."""
     method = method_of(config)
     folder = config.folder.parent / "piece"
-    make_piece(PlayerTask(method, of, 1, folder, config.policy, config.actions))
+    make_piece(PlayerTask(method, of, 1, folder, config.policy, config.actions, config.policy_seconds))
     new = read_piece(folder)
     assert new is not None
     file = f"{of}-s1.npz" if new.path else ""

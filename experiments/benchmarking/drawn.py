@@ -1,0 +1,162 @@
+"""Levels that follow from a row: drawn by its commitment, so that nobody can have seen them before the row was what it is."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.benchmarking.level_sets import number_of_levels
+from experiments.benchmarking.playing import SEED, options_of, read_actions
+from experiments.benchmarking.policy_process import SECONDS, PolicyProcess
+from experiments.benchmarking.row import RANDOM_PLAYS, Drawn, Method, Piece
+from experiments.runs.files import read_json, write_text
+from experiments.settings import ConfigError
+from segar.envs import Policy, VectorEnv
+from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scripted, play_episodes, record_actions
+from segar.hardness import Plan, plan
+from segar.levels import Levels, hash_of_levels
+from segar.policies import Network, NetworkPolicy
+from segar.suites import Suite, suite
+
+LEVELS = 1000  # of each suite with each seed
+SAMPLES, ITERATIONS = 32, 4  # of the planner's search
+
+
+@dataclass(frozen=True)
+class DrawTask:
+    """One piece whose levels are drawn and played; the result is written to ``path``."""
+
+    method: Method
+    piece: Piece
+    file: Path
+    commitment: str
+    path: Path
+    seconds: float = SECONDS
+
+    def found(self) -> Drawn | None:
+        """What was written for this commitment."""
+        if not self.path.exists():
+            return None
+        data = read_json(self.path)
+        return Drawn(**data["drawn"]) if data["commitment"] == self.commitment else None
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """Drawn levels, with those that play them for comparison.
+
+    Attributes:
+        seed: of the draw. random: of :data:`RANDOM_PLAYS` episodes on each level, those that ended in success.
+    """
+
+    levels: Levels
+    seed: int
+    random: int
+    plan: Plan
+
+
+def draw_piece(task: DrawTask) -> dict[str, float]:
+    """Plays the drawn levels of a piece and writes what came of them; returns nothing to show."""
+    drawn = play_drawn(task.method, task.piece, task.file, task.commitment, seconds=task.seconds)
+    task.path.parent.mkdir(parents=True, exist_ok=True)
+    data = {"commitment": task.commitment, "drawn": dataclasses.asdict(drawn)}
+    write_text(task.path, json.dumps(data) + "\n")
+    return {}
+
+
+def draw(of: Suite, commitment: str, seed: int, train: Levels, salt: str = "") -> Draw:
+    """The drawn levels of a suite with a seed: of the test distribution, none of which is among the levels ``train``.
+
+    Args:
+        commitment: what decides them; ``salt``: words of whoever verifies, for other levels that the author could not know.
+    """
+    digest = hashlib.sha256(f"{commitment}/{of.name}/{seed}/{salt}".encode()).digest()
+    number = int.from_bytes(digest[:8], "big") >> 1
+    levels = of.test.sample(LEVELS, seed=number, split="drawn", apart_from=train)
+    rows = np.tile(np.arange(LEVELS), RANDOM_PLAYS)
+    random = play_episodes(levels, rows, Random(number), seed=SEED, task=of.task).success
+    rng = np.random.default_rng(number)
+    return Draw(
+        levels, number, int(random.sum()), plan(levels, of.task, rng=rng, samples=SAMPLES, iterations=ITERATIONS)
+    )
+
+
+def play_drawn(
+    method: Method, piece: Piece, file: Path, commitment: str, salt: str = "", seconds: float = SECONDS
+) -> Drawn:
+    """What comes of the drawn levels of a piece: equal bits everywhere.
+
+    Args:
+        method: with the settings by which it plays, :data:`experiments.benchmarking.row.DRAWN`.
+        file: of the piece. seconds: the longest wait for a policy of somebody else's.
+
+    Raises:
+        SegarError: a policy fails, or acts otherwise than when its row was made.
+    """
+    of = suite(piece.suite)
+    train = of.sample(piece.seed, number_of_levels(method))
+    given = draw(of, commitment, piece.seed, train, salt)
+    with _acting(method, of, piece, file, train, given, seconds) as (policy, options):
+        played = play_on(given.levels, policy, **options)
+    return drawn_of(piece, file, given, played)
+
+
+def play_on(levels: Levels, policy: Policy, **options: Any) -> PlayedEpisodes:
+    """One episode on each level."""
+    return play_episodes(levels, np.arange(len(levels)), policy, seed=SEED, **options)
+
+
+def drawn_of(piece: Piece, file: Path, given: Draw, played: PlayedEpisodes) -> Drawn:
+    """The episodes of a method beside those of random play and of the planner."""
+    episodes = hashlib.sha256()
+    for array in (played.returns, played.length, played.success):
+        episodes.update(np.ascontiguousarray(array).tobytes())
+    both = played.success & given.plan.solved
+    return Drawn(
+        piece.suite, piece.seed, hashlib.sha256(file.read_bytes()).hexdigest() if piece.file else "",
+        hash_of_levels(given.levels), LEVELS, int(played.success.sum()), given.random, int(given.plan.solved.sum()),
+        int(played.length[both].sum()), int(given.plan.steps[both].sum()), episodes.hexdigest(),
+    )  # fmt: skip
+
+
+@contextmanager
+def _acting(
+    method: Method, of: Suite, piece: Piece, file: Path, train: Levels, given: Draw, seconds: float
+) -> Iterator[tuple[Policy, dict[str, Any]]]:
+    """The policy of a piece, and the options of the environments that it plays in."""
+    options: dict[str, Any] = {"task": of.task}
+    if method.kind == "player":
+        players = {"idle": Idle, "script": Scripted, "random": lambda: Random(given.seed, 1)}
+        yield RecordedActions(given.plan.actions) if method.name == "planner" else players[method.name](), options
+        return
+    options = options_of(of, method, train, "test")
+    if method.kind == "networks":
+        yield NetworkPolicy(Network.load(file), unit_actions=True), options
+        return
+    options["unit_actions"] = False
+    name = method.settings["policy"]
+    with policy_process(name, of, piece.seed, options, seconds) as policy:
+        before, after = read_actions(file)["test"], record_actions(policy, of.test_levels, **options)
+        if before.shape != after.shape or (before != after).any():
+            raise ConfigError(
+                f"policy: {name} acts otherwise on the practice levels of {of.name} with seed {piece.seed} than when its row was"
+                " made. It must give the same policy each time: train once, keep the weights, and load them"
+            )
+        yield policy, options
+
+
+def policy_process(name: str, of: Suite, seed: int, options: dict[str, Any], seconds: float = SECONDS) -> PolicyProcess:
+    """A method of somebody else's in a process of its own, for environments with these options."""
+    env = VectorEnv(of.test_levels, 1, seed=SEED, **options)
+    try:
+        return PolicyProcess(name, of.training_side(seed), env, seconds)
+    finally:
+        env.close()

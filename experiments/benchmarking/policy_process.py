@@ -1,0 +1,174 @@
+"""A method of somebody else's, which acts in a process of its own: it is given the training side of a suite, and arrays.
+
+The process holds no test level, no plan and no simulator of what is played. Observations and actions lie in shared memory, a
+batch at a time; a pipe says when there are some.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector.utils import create_shared_memory, read_from_shared_memory
+
+from experiments.runs.executed_code import code_after, code_of
+from experiments.settings import ConfigError, TrainingError, import_object, without_files
+from segar.envs import VectorEnv, begin_policy
+from segar.evaluation import checked_actions
+from segar.language import Task
+from segar.suites import TrainingSide, hide_tests
+from segar.support import first_line
+
+ROWS = 512  # of a batch, at most
+SECONDS = 600.0  # the longest wait for an answer, unless the settings say another one
+END = 5.0  # [s] that a process has to end by itself
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """What a policy is told when episodes begin: how many there are side by side, and what is played; not on which levels."""
+
+    num_envs: int
+    task: Task
+    single_observation_space: gymnasium.Space[Any]
+    single_action_space: gymnasium.Space[Any]
+    runs_on_gpu: bool = False
+
+
+class PolicyProcess:
+    """The policy that ``name``, ``module:function``, makes of a training side, in a process that ends with :meth:`close`.
+
+    Args:
+        env: of the kind that is played; gives the spaces.
+        seconds: the longest wait for each answer, that of the function itself included.
+
+    Attributes:
+        code: of the modules that made it; see :func:`experiments.runs.executed_code.code_of`.
+
+    Raises:
+        ConfigError: there is no such function, it makes no policy, or actions are none.
+        TrainingError: the process ended, or does not answer.
+    """
+
+    def __init__(self, name: str, side: TrainingSide, env: VectorEnv, seconds: float = SECONDS) -> None:
+        self.name, self.seconds = name, seconds
+        context = multiprocessing.get_context("spawn")
+        spaces = env.single_observation_space, env.single_action_space
+        memory = [create_shared_memory(space, ROWS, context) for space in spaces]
+        self._observed, self._acted = (read_from_shared_memory(*one, ROWS) for one in zip(spaces, memory, strict=True))
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, name, side, spaces, memory))
+        self._process.start()
+        theirs.close()
+        self.code: Mapping[str, str] = self._answer()
+
+    def begin(self, env: VectorEnv) -> None:
+        """Episodes start in ``env``, of which the policy is told how many there are."""
+        self._ask("begin", env.num_envs)
+
+    def __call__(self, observations: Any) -> np.ndarray:
+        """Actions float32 ``(n, action size)``."""
+        n = len(next(iter(_arrays(observations))))
+        for place, given in zip(_arrays(self._observed), _arrays(observations), strict=True):
+            place[:n] = given
+        self._ask("act", n)
+        return self._acted[:n].copy()
+
+    def close(self) -> None:
+        """Ends the process."""
+        self._connection.close()
+        self._process.join(END)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+    def __enter__(self) -> PolicyProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _ask(self, what: str, n: int) -> None:
+        try:
+            self._connection.send((what, n))
+        except OSError:
+            pass  # it has ended; the answer says so
+        self._answer()
+
+    def _answer(self) -> Any:
+        try:
+            if not self._connection.poll(self.seconds):
+                self._process.kill()
+                raise TrainingError(
+                    f"policy: {self.name} gave no answer within {self.seconds:g} s, and its process was ended. policy_seconds=N"
+                    " waits longer"
+                )
+            answer, problem = self._connection.recv()
+        except (EOFError, OSError):
+            self.close()
+            raise TrainingError(
+                f"policy: the process of {self.name} ended by itself, with exit code {self._process.exitcode}"
+            ) from None
+        if problem:
+            self.close()
+            raise ConfigError(f"policy: {self.name}: {problem}")
+        return answer
+
+
+def _serve(
+    connection: Connection, name: str, side: TrainingSide, spaces: Sequence[gymnasium.Space[Any]], memory: Sequence[Any]
+) -> None:
+    """What the process does: make the policy, and act until the other end is closed."""
+    hide_tests()
+    observed, acted = (read_from_shared_memory(*one, ROWS) for one in zip(spaces, memory, strict=True))
+    try:
+        policy, code = _made(name, side)
+        connection.send((code, ""))
+        episodes = Episodes(0, side.task, *spaces)
+        while True:
+            what, n = connection.recv()
+            if what == "begin":
+                episodes = Episodes(n, side.task, *spaces)
+                begin_policy(policy, episodes)
+            else:
+                acted[:n] = checked_actions(policy(_copied(observed, n)), episodes)
+            connection.send((None, ""))
+    except EOFError:
+        pass
+    except Exception as error:  # the other end tells of it
+        traceback.print_exc()
+        connection.send((None, f"{type(error).__name__}: {error}" if not isinstance(error, ConfigError) else str(error)))
+
+
+def _made(name: str, side: TrainingSide) -> tuple[Any, Mapping[str, str]]:
+    """The policy, and the code that made it."""
+    make = import_object(name, "policy")  # first, so that the files it names are known from here on
+    code = code_of(without_files(name, "policy"))
+    made = make(side, side.seed) if callable(make) else None
+    if not callable(made):
+        raise ConfigError(
+            "it must be a function of a suite's training side and a seed that returns a policy, a function of observations; it"
+            f" {'returns ' + type(made).__name__ if callable(make) else 'is ' + type(make).__name__}"
+        )
+    return made, code_after(code, print)
+
+
+def _arrays(observations: Any) -> list[np.ndarray]:
+    """The arrays that observations are made of."""
+    if isinstance(observations, np.ndarray):
+        return [observations]
+    parts = observations.values() if isinstance(observations, Mapping) else observations
+    return [one for part in parts for one in _arrays(part)]
+
+
+def _copied(observed: Any, n: int) -> Any:
+    """The first observations, which the policy may keep."""
+    if isinstance(observed, Mapping):
+        return {name: _copied(part, n) for name, part in observed.items()}
+    return observed[:n].copy() if isinstance(observed, np.ndarray) else tuple(_copied(part, n) for part in observed)
