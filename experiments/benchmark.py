@@ -26,17 +26,21 @@ Settings, as name=value:
   salt=WORDS                 beside verify=ROW: also play levels that follow from these words, and print the difference
   trust=true                 import the modules that such a row names; without it, rows of others import nothing
   again=ROW                  make a row anew from its description, under root=FOLDER; a list of rows, or all
+  panel=true                 play the panel on drawn levels of the suites: players whose place is known; red where one stands
+                             otherwise
   table=true                 make tables, figures and page of the rows that are there, and nothing else
   dry_run=true               print the plan and run nothing
   processes=N                runs side by side; 0, the default: one per core
   report=false               no table and no figure
 
 Networks, policies and the script are then played on levels that are drawn from the hash of the row, 1,000 for each suite and
-seed, beside the planner and random play. What scores on the suites need of the rows idle, random and planner is made, too, where no folder of rows has it.
-On a cluster: --multirun hydra/launcher=slurm suite=NAME,NAME,... seed=1,2,3 seeds=1 adds each run to one row.
+seed, beside the planner and random play. What scores on the suites need of the rows idle, random and planner is made, too,
+where no folder of rows has it. On a cluster: --multirun hydra/launcher=slurm suite=NAME,NAME,... seed=1,2,3 seeds=1 adds each
+run to one row.
 """
 
 import dataclasses
+import json
 import sys
 import time
 from collections.abc import Collection, Iterator, Sequence
@@ -48,6 +52,7 @@ from omegaconf import DictConfig
 
 from experiments.benchmarking.drawn import DrawTask, draw_piece
 from experiments.benchmarking.method import again, method_of, settings_of
+from experiments.benchmarking.panel import PANEL, PanelTask, network_for, play_panel, read_panel
 from experiments.benchmarking.players import PlayerTask, action_file, make_piece
 from experiments.benchmarking.protocol import ALL, PLAYERS, REFERENCES, piece_name, row_folder, suites_named
 from experiments.benchmarking.row import (
@@ -77,6 +82,7 @@ from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, do_al
 from experiments.reproduction.grid import grid_runs
 from experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
 from experiments.runs.executed_code import differing_parts
+from experiments.runs.files import write_text
 from experiments.runs.run_folder import folder_path, is_finished, runs_root
 from experiments.settings import (
     ConfigError,
@@ -94,6 +100,8 @@ from segar.support import EVERYTHING, counted
 
 REPORT = "benchmark"
 PLANNER_SECONDS, PLAYER_SECONDS, DRAW_SECONDS = 20.0, 3.0, 6.0  # assumed, per piece
+PANEL_SECONDS = 40.0  # assumed, per suite
+RED = "\x1b[31mRED\x1b[0m"
 Key = tuple[str, int]  # a suite and a seed
 
 
@@ -105,6 +113,8 @@ def benchmark(config: BenchmarkConfig) -> None:
     """
     if config.verify:
         verify_rows(config)
+    elif config.panel:
+        make_panel(config)
     elif config.again:
         make_again(config)
     elif config.table:
@@ -315,8 +325,8 @@ def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) ->
 def draw_row(config: BenchmarkConfig, row: Row) -> None:
     """Draws and plays the levels of a row that has none yet, and writes what came of them, once all pieces are there.
 
-    Rows of recorded actions, of the references, and those that lack a file or name code that is not trusted are left as they are;
-    raises :class:`TrainingError` where something failed.
+    Rows of recorded actions, of the references, and those that lack a file or name code that is not trusted are left as they
+    are; raises :class:`TrainingError` where something failed.
     """
     method, trusted = row.method, EVERYTHING in config.trusted or bool(config.policy)
     is_code = "policy" in method.settings
@@ -339,6 +349,31 @@ def draw_row(config: BenchmarkConfig, row: Row) -> None:
     if failed:
         raise TrainingError(failures(failed, len(waiting), True))
     show(write_drawn(row, [found for one in tasks if (found := one.found()) is not None]))
+
+
+def make_panel(config: BenchmarkConfig) -> None:
+    """Plays the panel on each suite, prints it, and makes the page beside it; raises :class:`TrainingError` where it is red."""
+    rows = [path.parent for place in config.places for path in sorted(place.glob(f"*/{ROW}"))]
+    chosen = config.chosen_suites()
+    place = runs_root(config.run) / f"{ROWS}_panel"
+    tasks = [PanelTask(name, network_for(name, rows), place / f"{name}.json") for name in chosen]
+    if config.dry_run:
+        print(f"about {in_minutes(PANEL_SECONDS * len(tasks) / (config.processes or cores()))}")
+        return
+    waiting = {one.suite: (one, PANEL_SECONDS) for one in tasks}
+    if failed := do_all(place / "logs", waiting, config.processes or cores(), play_panel):
+        raise TrainingError(failures(failed, len(waiting), False))
+    lines = [line for one in tasks for line in read_panel(one.path)]
+    write_text(config.folder / PANEL, json.dumps(lines, indent=1) + "\n")
+    red = [f"{one['player']} on {one['suite']}" for one in lines if not one["right"]]
+    shown = [
+        [one["suite"], one["player"], f"{one['drawn']:.3f}", one["must"], "" if one["right"] else RED] for one in lines
+    ]
+    print(table(["suite", "player", "success above chance", "must", ""], shown), flush=True)
+    if config.report:
+        report(config)
+    if red:
+        raise TrainingError(f"the panel is red: {', '.join(red)}. These numbers do not rank methods as they should")
 
 
 def pieces_folder(config: BenchmarkConfig, method: Method) -> Path:

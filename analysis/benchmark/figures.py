@@ -1,4 +1,4 @@
-"""Figures of the benchmark: the profile over the axes, and performance profiles."""
+"""The figure of the benchmark: the profile over the axes."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,49 +9,37 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.benchmark.causes import EFFECT
-from analysis.benchmark.scores import OVERALL
+from analysis.benchmark.scores import DRAWN, OVERALL, PRACTICE
 from analysis.plotting import style
-from analysis.plotting.figures import draw_profile, entry, error_bars, legend_below, new_figure, zero_line
+from analysis.plotting.figures import entry, error_bars, legend_below, new_figure, zero_line
 from analysis.tables import column, select
 from experiments.benchmarking.protocol import REFERENCES
 
 SPREAD = 0.6  # of the width of an axis, over which rows stand side by side
-LABELS = {"score": "score on test levels", "test_success": "success on test levels"}
-PROFILED = {**LABELS, EFFECT: "success gained on twins"}
+PROFILED = {
+    DRAWN: "above chance, drawn",
+    PRACTICE: "above chance, practice",
+    "score": "score",
+    EFFECT: "gained on twins",
+}
 
 
 def shown_rows(board: pd.DataFrame) -> list[str]:
-    """The rows that figures show, best first: those that are no references."""
-    overall = select(board, axis=OVERALL, quantity="score")
+    """The rows that figures show: those that are no references."""
+    overall = select(board, axis=OVERALL, quantity=PRACTICE)
     return [row for row in overall["row"] if row not in REFERENCES]
 
 
 def profile_figure(board: pd.DataFrame, rows: Sequence[str], axes_names: Sequence[str]) -> Figure:
-    """The interquartile mean of score and success of each row on each axis, with intervals, and what success gains on causal
-    twins in which all that differs is as in training; 0 and 1 are lines."""
+    """The mean success above chance and score of each row on each axis, with intervals over seeds, and what success gains on
+    causal twins in which all that differs is as in training; 0 and 1 are lines."""
     with style.applied():
-        figure = new_figure(1.05 * len(axes_names) + 1.2, 9.0)
-        all_three = figure.subplots(len(PROFILED), 1, sharex=True)
-        for axes, (quantity, label) in zip(all_three, PROFILED.items(), strict=True):
+        figure = new_figure(1.05 * len(axes_names) + 1.2, 11.0)
+        panels = figure.subplots(len(PROFILED), 1, sharex=True)
+        for axes, (quantity, label) in zip(panels, PROFILED.items(), strict=True):
             _draw_profile(axes, select(board, quantity=quantity), rows, axes_names)
-            axes.set_ylabel(f"{label} (IQM)")
-        legend_below(figure, all_three[0], 3)
-    return figure
-
-
-def performance_figure(shares: pd.DataFrame, rows: Sequence[str]) -> Figure:
-    """The share of runs, over all suites, that are above each score and success, with intervals of each point."""
-    colours, _ = _looks(rows)
-    with style.applied():
-        figure = new_figure(9.2, 3.9)
-        both = figure.subplots(1, len(LABELS), sharey=True)
-        for axes, (quantity, label) in zip(both, LABELS.items(), strict=True):
-            for row in rows:
-                draw_profile(axes, select(shares, row=row, quantity=quantity), colours[row], row)
-            axes.set_xlabel(label)
-            axes.set_ylim(-0.02, 1.02)
-        both[0].set_ylabel("share of runs above it")
-        legend_below(figure, both[0], 3)
+            axes.set_ylabel(label)
+        legend_below(figure, panels[0], 3)
     return figure
 
 

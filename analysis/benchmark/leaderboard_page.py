@@ -1,22 +1,37 @@
 """The leaderboard as a page, made of tables alone, so that a test can make it again."""
 
 import html
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
-import numpy as np
 import pandas as pd
 
 from analysis.benchmark.causes import EFFECT, effects_on
-from analysis.benchmark.scores import COMPARED, FIGURES, OVERALL, seed_spreads
-from analysis.stats.scores import detectable_difference
-from analysis.tables import column, keep, mean_by, select
+from analysis.benchmark.scores import (
+    DRAWN,
+    FIGURES,
+    OVERALL,
+    PRACTICE,
+    TIME,
+    beats_chance,
+    learners_on,
+    places_of,
+)
+from analysis.stats.ranking import FEWEST_SEEDS, MOST_SUITES, coverage, generalizability
+from analysis.tables import mean_by, select
+from experiments.benchmarking.drawn import LEVELS
 from experiments.benchmarking.protocol import BUDGETS, REFERENCES
-from experiments.benchmarking.row import Row
+from experiments.benchmarking.row import Row, commitment_of_row
 from segar.suites import RANDOM_PLAYS
 
-SEEDS = (3, 5, 10)  # numbers of seeds of which the page says what they can see
+SEEDS = (3, 5, 10)  # numbers of seeds of which the page says what they can tell
+TRUSTED_COEFFICIENT = 0.8  # from which on a ranking is one
+TRIED = 10_000  # variants of a row of which somebody may keep the luckiest
 WORDS = {
+    DRAWN: "success above chance, drawn",
+    PRACTICE: "success above chance, practice",
+    TIME: "time",
     "train_return": "return, training",
     "test_return": "return, test",
     "gap": "gap",
@@ -33,51 +48,56 @@ def page_text(
     rows: Mapping[str, Row],
     table: pd.DataFrame,
     board: pd.DataFrame,
-    improved: pd.DataFrame,
     causes: pd.DataFrame,
     suites: Mapping[str, Sequence[str]],
+    panel: pd.DataFrame | None = None,
 ) -> str:
     """The page in Markdown."""
     overall = suites[OVERALL]
-    parts = [HEAD.format(suites=len(overall), plays=RANDOM_PLAYS, laptop=BUDGETS["laptop"], server=BUDGETS["server"])]
-    parts += ["## All suites\n", overall_table(rows, table, board, overall)]
+    parts = [HEAD.format(plays=RANDOM_PLAYS, levels=LEVELS, **{one: BUDGETS[one] for one in ("laptop", "server")})]
+    parts += [ranking_text(table, overall), "## All suites\n", overall_table(rows, table, board, overall)]
+    parts += ["## Practice test only\n", PRACTICE_ONLY, practice_table(rows, board), chance_text(table, suites)]
+    if panel is not None:
+        parts += ["## Panel\n", PANEL, panel_table(panel)]
     parts += [
-        "![Score, success, and what success gains on causal twins, by axis](profile.png)\n",
+        "![Success above chance, score, and what success gains on causal twins, by axis](profile.png)\n",
         "## By axis\n",
         AXES_NOTE,
     ]
     parts += [
         f"{WORDS_OF[one]}; in brackets, how many suites there are:\n\n{axes_table(select(board, quantity=one), suites)}"
-        for one in COMPARED
+        for one in WORDS_OF
     ]
+    parts += ["## Would other seeds and suites say the same?\n", repetition_text(table, overall)]
     parts += ["## What failures come from\n", CAUSES, causes_text(causes, suites)]
-    parts += ["## Which differences can be seen\n", power_text(table, suites)]
-    parts += ["## Probability of improvement\n", IMPROVEMENT]
-    parts += [
-        f"{WORDS_OF[one]}:\n\n{improvement_table(select(improved, quantity=one), select(board, quantity=one))}"
-        for one in COMPARED
-    ]
-    parts += ["![Performance profiles](performance.png)\n", "## Suite by suite\n", SUITES, *suite_tables(table, suites)]
+    parts += ["## Suite by suite\n", SUITES, *suite_tables(table, suites)]
     parts += ["## Rows\n", rows_table(rows), HOW_TO]
     return "\n".join(parts)
 
 
 HEAD = """# Leaderboard
 
-What methods achieve on suites ([how to read it, and how to add a row](../../how-to/compare-on-a-suite.md)). A *score* is a
-ratio of means over the levels: 0 where the mean return is that of the better of idle and random play on each level ({plays}
-random episodes per level and seed), 1 where it is that of the planner, which searches in the simulator. Returns are shaped,
-so that a ball that stops near the goal has a high score; *success*, the share of levels that are solved, stands beside it.
-All numbers are of one episode on each of the frozen test levels, without noise in the actions.
-Square brackets hold 95 % intervals of the stratified bootstrap over seeds; suites are fixed. The mean is the interquartile
-mean (IQM) over suites and seeds. The budget `laptop` is {laptop:,} frames of training on each suite with each seed, `server`
-{server:,}. Every row can be played again to the bit.
+What methods achieve on suites ([how to read it, and how to add a row](../../how-to/compare-on-a-suite.md)). The headline is
+*success above chance* on *drawn* levels: (s - random) / (planner - random), where s is the share of levels that are solved. It
+is 0 for random play and 1 for the planner, which searches in the simulator. The {levels:,} levels of each suite and seed are
+drawn from the hash of the row, so nobody can have seen them before the row was what it is. The frozen levels of a suite are for
+*practice*. *Practice minus drawn* is above 0 where a method has memorised them. *Time* is the number of steps on drawn levels
+that both solve, over the planner's. The *score* is a diagnostic, on practice levels: 0 where the mean return is that of the
+better of idle and random play ({plays} random episodes per level and seed), 1 where it is the planner's. Returns are shaped,
+so that a ball that stops near the goal has a high score and no success.
+
+Square brackets hold Student's 95 % intervals: the first ones over seeds, each of which is an agent, its training levels and its
+drawn levels; those called *over suites* let suites vary, too. The budget `laptop` is {laptop:,} frames of training on each
+suite with each seed, `server` {server:,}. Every row can be played again to the bit.
 
 This page is made from the tables beside it by `python -m experiments.benchmark table=true rows=docs/results/benchmark`.
 """
-AXES_NOTE = """`all` leaves out suites of textures, the axis `look`, which agents that see states cannot play.
+PRACTICE_ONLY = """Rows whose levels were not drawn: the references, by which the others are measured, recorded actions, which
+cannot be played on new levels, and rows whose networks are not all here.
 """
-IMPROVEMENT = """The probability that a run of the row is above a run of the column, mean over the suites; ties count half.
+PANEL = """`python -m experiments.benchmark panel=true` plays these on drawn levels. A red row is not as it must be.
+"""
+AXES_NOTE = """`all` leaves out suites of textures, the axis `look`, which agents that see states cannot play.
 """
 CAUSES = """A *causal twin* is a test level in which one group of factors is set as a training level has it, and nothing else
 ([more](../../how-to/compare-on-a-suite.md#ask-why-an-agent-fails)). The numbers are what success gains on twins: how
@@ -87,13 +107,9 @@ other groups are controls, in which training and test are alike; what they gain 
 Student's 95 % intervals. Suites in which training and test have one distribution have no twins, and the references did
 not play any.
 """
-POWER = """Two rows must differ by so much for Student's test to find it with a probability of 0.8 at the level of 5 %, by how
-the seeds of the trained rows here differ. Smaller differences between two rows say nothing.
-
-"""
 SUITES = """Means over seeds. *Gap*: return on test levels minus that on training levels. *Regret*: what the return on test
 levels lacks of the planner's. *Score*: on test levels. *Gained on twins*: success on twins in which all that differs is as in
-training, minus success on test levels.
+training, minus success on test levels. *Success, test* and all that is not drawn is on practice levels.
 """
 HOW_TO = """
 ## Add a row
@@ -105,12 +121,13 @@ python -m experiments.benchmark suite=core actions=FOLDER row=mine seeds=5 rows=
 python -m experiments.benchmark verify=all rows=docs/results/benchmark
 ```
 
-The first command trains an algorithm of your own, the second one plays a method that was trained elsewhere and records its
-actions, the third one takes files of actions. Add the folder of the row and this page in a pull request; tests play it again.
+The first command trains an algorithm of your own, the second one plays a method that was trained elsewhere in a process of its
+own, the third one takes files of actions, which are a practice test only. Add the folder of the row and this page in a pull
+request; tests play it again.
 """
 
 
-WORDS_OF = {"score": "Score on test levels", "test_success": "Success on test levels"}
+WORDS_OF = {DRAWN: "Success above chance on drawn levels", PRACTICE: "Success above chance on practice levels"}
 
 
 def markdown(head: Sequence[str], lines: Iterable[Sequence[str]], texts: int = 1) -> str:
@@ -138,29 +155,162 @@ def interval(line: Mapping[str, float]) -> str:
     return f"{number(line['estimate'])} [{number(line['low'])}, {number(line['high'])}]"
 
 
+def over_suites(line: Mapping[str, float]) -> str:
+    """The interval over suites."""
+    return "–" if pd.isna(line["suites_low"]) else f"[{number(line['suites_low'])}, {number(line['suites_high'])}]"
+
+
+def ranking_text(table: pd.DataFrame, suites: Sequence[str]) -> str:
+    """What the page says first where its ranking is none."""
+    found = generalizability(learners_on(table, suites), DRAWN, "row", "suite", "seed")
+    if found is None:
+        return "**These rows do not rank methods:** two learners with drawn levels on all suites are needed.\n"
+    one, few = found.coefficient, found.seeds < FEWEST_SEEDS
+    if one.low >= TRUSTED_COEFFICIENT and not few:
+        return ""
+    seeds = f" They have {found.seeds} seeds, and a place needs {FEWEST_SEEDS}." if few else ""
+    return (
+        f"**These rows do not rank methods yet.** The coefficient of generalizability of {found.methods} learners is"
+        f" {interval(vars(one))}; a ranking needs a lower end of {TRUSTED_COEFFICIENT}.{seeds}\n"
+    )
+
+
+def place_text(place: tuple[int, int] | None) -> str:
+    """A place, or those that a row shares."""
+    if place is None:
+        return "–"
+    return str(place[0]) if place[0] == place[1] else f"{place[0]}–{place[1]}"
+
+
 def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFrame, suites: Sequence[str]) -> str:
-    """Each row on all suites, best first, and which rows lack a suite."""
+    """Each row with drawn levels of all suites, by place and then by name, and which rows lack a suite."""
+    overall = select(board, axis=OVERALL)
+    lines_of = {(one["quantity"], one["row"]): one for one in overall.to_dict("records")}  # type: ignore[var-annotated]
+    found, last = places_of(table, suites), (len(rows) + 1, 0)
     lines = []
-    found = select(board, axis=OVERALL, quantity="score")
-    successes = {one["row"]: one for one in select(board, axis=OVERALL, quantity="test_success").to_dict("records")}
-    for line in found.to_dict("records"):
-        own = keep(table, (table["row"] == line["row"]) & table["suite"].isin(list(suites)))
-        means = [number(float(np.nanmean(column(own, name)))) for name in ("train_score", "train_success")]
-        success = interval(successes[line["row"]])
-        lines.append([f"`{line['row']}`", interval(line), success, *means, str(line["seeds"])])
-    text = markdown(["row", "score (IQM)", "success (IQM)", "score, training", "success, training", "seeds"], lines)
+    for name in sorted(select(overall, quantity=DRAWN)["row"], key=lambda one: (found.get(one, last), one)):
+        own = {quantity: lines_of.get((quantity, name)) for quantity in (DRAWN, TIME, "practice_minus_drawn", "score")}
+        drawn, time, apart, score = (
+            own[one] or dict.fromkeys(("estimate", "low", "suites_low"), float("nan")) for one in own
+        )
+        shown = [interval(drawn), over_suites(drawn), interval(time)]
+        shown += [f"{number(apart['estimate'])} {over_suites(apart)}", number(score["estimate"]), str(drawn["seeds"])]
+        lines.append(
+            [named(rows[name]), place_text(found.get(name)), *shown, f"`{commitment_of_row(rows[name])[:16]}`"]
+        )
+    head = [
+        "row",
+        "place",
+        "success above chance",
+        "over suites",
+        "time",
+        "practice minus drawn, over suites",
+        "score",
+        "seeds",
+    ]
+    text = markdown([*head, "commitment"], lines) + GRINDING.format(
+        tried=TRIED, gain=number(100 * grinding(len(suites)), 1)
+    )
     lacking = [
         f"`{name}` ({len({*row.suites()} & {*suites})} of {len(suites)} suites)"
         for name, row in rows.items()
-        if name not in {*found["row"], *REFERENCES}
+        if name not in {*select(overall, quantity=PRACTICE)["row"], *REFERENCES}
     ]
     return text + (f"\nNot compared, because suites are missing: {', '.join(lacking)}.\n" if lacking else "")
+
+
+GRINDING = """
+Rows that no paired test over seeds separates (Student's, Holm-corrected, 5 %) share their places; within a place the order is
+that of the alphabet. Whoever hashes {tried:,} variants of a row and keeps the luckiest gains at most about {gain} points of
+success on the mean of these suites, at one seed and less at more: the levels of `verify=ROW salt=WORDS` cannot be sought out
+like that.
+"""
+
+
+def grinding(suites: int) -> float:
+    """A bound of what the luckiest of :data:`TRIED` normal draws is above the mean: of success 0.5, on
+    :data:`LEVELS` levels of each suite."""
+    return (2 * math.log(TRIED)) ** 0.5 * (0.25 / (LEVELS * max(suites, 1))) ** 0.5
+
+
+def named(row: Row) -> str:
+    """The name of a row, marked where it is privileged."""
+    return f"`{row.method.name}`{' (privileged)' if row.is_privileged else ''}"
+
+
+def practice_table(rows: Mapping[str, Row], board: pd.DataFrame) -> str:
+    """The rows without drawn levels."""
+    overall = select(board, axis=OVERALL)
+    found = {one["row"]: one for one in select(overall, quantity=PRACTICE).to_dict("records")}
+    scores = {one["row"]: one["estimate"] for one in select(overall, quantity="score").to_dict("records")}
+    lines = [
+        [
+            named(rows[name]),
+            interval(found[name]),
+            over_suites(found[name]),
+            number(scores[name]),
+            str(found[name]["seeds"]),
+        ]
+        for name in sorted(found)
+        if not rows[name].drawn
+    ]
+    return markdown(["row", "success above chance, practice", "over suites", "score", "seeds"], lines)
+
+
+def chance_text(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
+    """The suites on which nobody who learns beats chance."""
+    members = [name for axis, names in suites.items() if axis != OVERALL for name in names]
+    lost = [name for name in members if not beats_chance(table, name)]
+    if not lost:
+        return "On every suite, a learner solves more levels than random play does.\n"
+    return f"No learner solves more levels than random play does on: {', '.join(lost)}. These suites count like all others.\n"
+
+
+def repetition_text(table: pd.DataFrame, suites: Sequence[str]) -> str:
+    """Variance components, how many seeds and suites name the winner, and how often intervals hold the truth."""
+    part = learners_on(table, suites)
+    found = generalizability(part, DRAWN, "row", "suite", "seed")
+    if found is None:
+        return "Two learners with drawn levels on all suites, and two seeds, are needed for this.\n"
+    whole = sum(found.components.values())
+    shares = [[name, number(one, 4), f"{one / whole:.0%}"] for name, one in found.components.items()]
+    text = f"""Variance components of success above chance, of {found.methods} learners, {found.suites} suites and
+{found.seeds} seeds. The coefficient of generalizability is the share of methods in the variance of the rows' means:
+{interval(vars(found.coefficient))}.
+
+{markdown(["component", "variance", "share"], shares)}
+In planted tables with these components, the best of {found.methods} methods has the highest mean in 9 of 10 repetitions with so
+many suites:
+
+"""
+    needed = [[str(seeds), str(found.suites_needed(seeds) or f"more than {MOST_SUITES}")] for seeds in SEEDS]
+    text += markdown(["seeds", "suites"], needed)
+    sd, means = found.components["run"] ** 0.5, part.groupby("suite")[DRAWN].mean().to_numpy()
+    covered = [
+        [str(seeds), *(number(coverage(one, sd, seeds, LEVELS), 3) for one in ([0.1], [0.5], [0.9], means))]
+        for seeds in SEEDS
+    ]
+    head = ["seeds", "one suite, success 0.1", "0.5", "0.9", "mean of the suites"]
+    return (
+        f"{text}\nHow often intervals of 95 % over seeds hold the truth, in planted tables with this variance between runs:\n\n"
+        + (markdown(head, covered))
+    )
+
+
+def panel_table(panel: pd.DataFrame) -> str:
+    """What the panel found, one line per player, and on which suites it is not as it must be."""
+    lines = []
+    for player, part in panel.groupby("player", sort=False):
+        wrong = ", ".join(f"**{one}**" for one in select(part, right=False)["suite"]) or "–"
+        low, high = number(part["drawn"].min()), number(part["drawn"].max())
+        lines.append([str(player), part["must"].iloc[0], number(part["drawn"].mean()), f"{low} to {high}", wrong])
+    return markdown(["player", "must", "success above chance", "on suites", "red"], lines, texts=2)
 
 
 def axes_table(board: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
     """One quantity of each row on each axis."""
     parts = {axis: {one["row"]: one for one in select(board, axis=axis).to_dict("records")} for axis in suites}
-    names = list(dict.fromkeys([*parts[OVERALL], *board["row"]]))
+    names = sorted({*board["row"]})
     lines = [
         [f"`{name}`", *(interval(part[name]) if name in part else "–" for part in parts.values())] for name in names
     ]
@@ -187,39 +337,6 @@ def _as_estimate(line: Mapping[str, float]) -> dict[str, float]:
     return {name: line[f"effect{end}"] for name, end in (("estimate", ""), ("low", "_low"), ("high", "_high"))}
 
 
-def power_text(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
-    """The smallest differences that numbers of seeds can see, by the spread of the seeds of these rows."""
-    lines = []
-    for quantity in COMPARED:
-        spreads = seed_spreads(table, suites[OVERALL], quantity)
-        if spreads.empty:
-            return "There is no trained row with two seeds yet.\n"
-        mean_of_squares, largest = float((spreads**2).mean()), float(spreads.max())
-        deviations = (mean_of_squares**0.5, largest, (mean_of_squares / len(spreads)) ** 0.5)
-        for seeds in SEEDS:
-            found = [number(detectable_difference(one, seeds)) for one in deviations]
-            lines.append([WORDS_OF[quantity], str(seeds), *found, number(deviations[0])])
-    head = [
-        "",
-        "seeds of each row",
-        "one suite",
-        "the suite that varies most",
-        "mean of all suites",
-        "standard deviation, one suite",
-    ]
-    return POWER + markdown(head, lines)
-
-
-def improvement_table(improved: pd.DataFrame, board: pd.DataFrame) -> str:
-    """Each row against each other one."""
-    names = list(select(board, axis=OVERALL)["row"])
-    pairs = {(one["row"], one["over"]): one for one in improved.to_dict("records")}
-    lines = [
-        [f"`{name}`", *(interval(pairs[name, other]) if other != name else "" for other in names)] for name in names
-    ]
-    return markdown(["", *(f"`{name}`" for name in names)], lines)
-
-
 def suite_tables(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> list[str]:
     """A table for each suite."""
     names = [name for axis, members in suites.items() if axis != OVERALL for name in members]
@@ -230,7 +347,7 @@ def rows_on(name: str, table: pd.DataFrame) -> str:
     """The means over seeds of each row that played a suite, best first."""
     means = mean_by(table.loc[table["suite"] == name], ["row"], FIGURES)
     means = means.assign(row=[f"`{row}`" for row in means["row"]])
-    return means_table(means.sort_values("score", ascending=False, kind="stable"), "row")
+    return means_table(means.sort_values([DRAWN, PRACTICE], ascending=False, kind="stable"), "row")
 
 
 def suite_table(table: pd.DataFrame) -> str:
@@ -247,8 +364,8 @@ def means_table(means: pd.DataFrame, of: str) -> str:
 def rows_table(rows: Mapping[str, Row]) -> str:
     """What each row is of, and its hash."""
     lines = []
-    for name, row in sorted(rows.items(), key=lambda one: (one[0] not in REFERENCES, one[0])):
+    for _, row in sorted(rows.items(), key=lambda one: (one[0] not in REFERENCES, one[0])):
         seeds = sorted({piece.seed for piece in row.pieces})
         suites = str(len(row.suites()))
-        lines.append([f"`{name}`", escaped(row.method.says), suites, f"{seeds[0]} to {seeds[-1]}", f"`{row.hash}`"])
+        lines.append([named(row), escaped(row.method.says), suites, f"{seeds[0]} to {seeds[-1]}", f"`{row.hash}`"])
     return markdown(["row", "what it is", "suites", "seeds", "hash"], lines)

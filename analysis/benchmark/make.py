@@ -4,22 +4,16 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from analysis.benchmark.causes import causes_of_rows
-from analysis.benchmark.figures import performance_figure, profile_figure, shown_rows
+from analysis.benchmark.figures import profile_figure, shown_rows
 from analysis.benchmark.leaderboard_page import overall_table, page_text, suite_table
-from analysis.benchmark.scores import (
-    OVERALL,
-    by_name,
-    figures_of,
-    improvements,
-    leaderboard,
-    profiles,
-    rows_in,
-    suites_compared,
-)
+from analysis.benchmark.scores import OVERALL, by_name, figures_of, leaderboard, rows_in, suites_compared
 from analysis.benchmark.tracking import numbers_of, track_row
 from analysis.plotting.figures import save_figure
 from analysis.tables import write_csv
+from experiments.benchmarking.panel import PANEL, read_panel
 from experiments.benchmarking.protocol import REFERENCES, SHIPPED
 from experiments.benchmarking.row import Row
 from experiments.benchmarking.verification import is_verified
@@ -30,10 +24,9 @@ from segar.suites import CORE
 from segar.support import counted
 
 DIGITS = 6  # of numbers in CSV files
-SCORES, BOARD, IMPROVEMENT, PROFILES = "scores.csv", "leaderboard.csv", "improvement.csv", "profiles.csv"
-CAUSES = "causes.csv"
+SCORES, BOARD, CAUSES = "scores.csv", "leaderboard.csv", "causes.csv"
 MARK = "(not verified)"  # of rows that nobody has played again here
-PROFILE, PERFORMANCE, PAGE = "profile", "performance", "leaderboard.md"
+PROFILE, PAGE = "profile", "leaderboard.md"
 
 
 def report_rows(
@@ -67,15 +60,13 @@ def report_rows(
     if row in rows:
         print(suite_table(table.loc[table["row"] == row]))
         print(with_marks(overall_table(rows, table, board, suites[OVERALL]), marks))
-    improved, shares = improvements(table, suites[OVERALL]), profiles(table, suites[OVERALL])
-    tables = {SCORES: table, BOARD: board, IMPROVEMENT: improved, PROFILES: shares, CAUSES: causes}
-    for name, one in tables.items():
-        write_csv(folder / name, one.replace(dict.fromkeys({"row", "over"} & {*one}, marks)) if marks else one, DIGITS)
+    for name, one in {SCORES: table, BOARD: board, CAUSES: causes}.items():
+        write_csv(folder / name, one.replace({"row": marks}) if marks else one, DIGITS)
     shown = shown_rows(board)
     if shown:
         save_figure(profile_figure(board, shown, list(suites)), folder / PROFILE, (".png",))
-        save_figure(performance_figure(shares, shown), folder / PERFORMANCE, (".png",))
-    write_text(folder / PAGE, with_marks(page_text(rows, table, board, improved, causes, suites), marks))
+    panel = pd.DataFrame(read_panel(folder / PANEL)) if (folder / PANEL).exists() else None
+    write_text(folder / PAGE, with_marks(page_text(rows, table, board, causes, suites, panel), marks))
     print(f"{counted(len(here), 'row')} here, {counted(len(rows) - len(here), 'other')}: {folder / PAGE}", flush=True)
     settings = construct(TrackingConfig, tracking or {"name": "none"}, "tracking")
     if row in rows and settings.name != "none":

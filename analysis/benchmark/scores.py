@@ -1,4 +1,4 @@
-"""From the episodes of rows to scores: 0 is the better of idle and random play on each level, 1 the planner."""
+"""From the episodes of rows to success corrected for chance, and to scores: 1 is the planner."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
@@ -9,22 +9,24 @@ import numpy as np
 import pandas as pd
 
 from analysis.benchmark.causes import EFFECT, shift_effects
-from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
-from analysis.tables import Floats, keep, pick, select
+from analysis.stats.estimate import mean_of_replicates
+from analysis.stats.ranking import places
+from analysis.tables import Floats, keep
 from experiments.benchmarking.protocol import PLAYERS, REFERENCES, SIDES
 from experiments.benchmarking.row import ROW, Row, read_row
 from segar.evaluation import Baselines
 from segar.suites import AXES, outline
 
 IDLE, RANDOM, PLANNER = REFERENCES
-SEED = 0  # of the bootstrap
+DRAWN, PRACTICE, TIME = "drawn", "practice", "time"
+"""Success corrected for chance on drawn levels and on the frozen ones: 0 is that of random play, 1 the planner's; and the
+steps on drawn levels that both solved, over the planner's."""
 ENDS = ("low", "high")
 OVERALL = "all"  # of the axes
-COMPARED = ("score", "test_success")
-"""What rows are compared by. Return is shaped, so that a ball that stops near the goal has a high score and no success."""
-THRESHOLDS = np.linspace(0, 1, 41)
+QUANTITIES = (DRAWN, PRACTICE, "practice_minus_drawn", TIME, "score", EFFECT)
 FIGURES = (
-    "train_return", "test_return", "gap", "regret", "train_success", "test_success", "train_score", "score", EFFECT,
+    DRAWN, PRACTICE, TIME, "train_return", "test_return", "gap", "regret", "train_success", "test_success", "train_score",
+    "score", EFFECT,
 )  # fmt: skip
 
 
@@ -62,14 +64,32 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
                 returns = float(own.returns[piece.suite, piece.seed, side].mean())
                 successes = float(own.successes[piece.suite, piece.seed, side].mean())
                 line |= {f"{side}_return": returns, f"{side}_success": successes}
-                known = references(players, piece.suite, side, piece.levels[side])
+                known = references(players, piece.suite, side, piece.levels[side], "returns")
                 if known is not None:
                     line[{"train": "train_score", "test": "score"}[side]] = float(known.normalised(returns))
                 if known is not None and side == "test":
                     line["regret"] = float(known.regret(returns))
-            lines.append(line)
+                    solved = references(players, piece.suite, side, piece.levels[side], "successes")
+                    assert solved is not None
+                    chance = solved.random.mean()
+                    line[PRACTICE] = (successes - chance) / (solved.oracle.mean() - chance)
+            lines.append(line | drawn_figures(row).get((piece.suite, piece.seed), {}))
     table = pd.DataFrame(lines).reindex(columns=["row", "axis", "suite", "suite_hash", "seed", *FIGURES])
-    return table.assign(gap=table["test_return"] - table["train_return"])
+    apart = {
+        "gap": table["test_return"] - table["train_return"],
+        "practice_minus_drawn": table[PRACTICE] - table[DRAWN],
+    }
+    return table.assign(**apart)
+
+
+def drawn_figures(row: Row) -> dict[tuple[str, int], dict[str, float]]:
+    """Figures of a row's drawn levels, by suite and seed."""
+    return {
+        (one.suite, one.seed): {
+            DRAWN: one.corrected, TIME: one.steps / one.planner_steps if one.planner_steps else np.nan
+        }
+        for one in row.drawn
+    }  # fmt: skip
 
 
 class LevelMeans:
@@ -86,27 +106,29 @@ class LevelMeans:
             (piece.suite, piece.seed, side): digits for piece in row.pieces for side, digits in piece.levels.items()
         }
 
-    def of(self, suite: str, side: str, levels: str) -> list[Floats]:
-        """Returns on the levels of this hash, of each seed that played them."""
+    def of(self, suite: str, side: str, levels: str, what: str) -> list[Floats]:
+        """``"returns"`` or ``"successes"`` on the levels of this hash, of each seed that played them."""
         same = [key for key, digits in self.hashes.items() if digits == levels and (key[0], key[2]) == (suite, side)]
-        return [self.returns[key] for key in same]
+        return [getattr(self, what)[key] for key in same]
 
 
-def references(players: Mapping[str, Sequence[LevelMeans]], suite: str, side: str, levels: str) -> Baselines | None:
-    """The floors and the best known returns on the levels of this hash, each the mean over all seeds that played them; None
-    where a player did not."""
+def references(
+    players: Mapping[str, Sequence[LevelMeans]], suite: str, side: str, levels: str, what: str
+) -> Baselines | None:
+    """What the references reach on the levels of this hash, ``"returns"`` or ``"successes"``, each the mean over all seeds that
+    played them; None where a player did not."""
     found = []
     for name in (RANDOM, IDLE, PLANNER):
-        returns = [one for means in players[name] for one in means.of(suite, side, levels)]
-        if not returns:
+        values = [one for means in players[name] for one in means.of(suite, side, levels, what)]
+        if not values:
             return None
-        found.append(np.mean(returns, axis=0))
+        found.append(np.mean(values, axis=0))
     return Baselines(*found)
 
 
 def complete(table: pd.DataFrame, suites: Sequence[str]) -> pd.DataFrame:
-    """The lines on these suites of rows that did all of them with each of their seeds, with scores."""
-    kept = keep(table, table["suite"].isin(list(suites)) & table["score"].notna())
+    """The lines on these suites of rows that did all of them with each of their seeds."""
+    kept = keep(table, table["suite"].isin(list(suites)))
     whole: list[pd.DataFrame] = []
     for _, part in kept.groupby("row", sort=False, dropna=False):
         seeds = [set(one["seed"]) for _, one in part.groupby("suite", dropna=False)]
@@ -126,53 +148,40 @@ def suites_compared(table: pd.DataFrame, names: Sequence[str] | None = None) -> 
 
 
 def leaderboard(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> pd.DataFrame:
-    """The interquartile mean of each of :data:`COMPARED` and of the effect of the shift, of each row on each axis and on all,
-    with stratified bootstrap intervals: columns ``quantity``, ``axis``, ``row``, ``estimate``, ``low``, ``high``, ``n``,
-    ``seeds``; best first. Rows that lack a suite are left out; suites without twins have no effect of a shift."""
+    """The mean over suites of each of :data:`QUANTITIES`, of each row on each axis and on all: columns ``quantity``, ``axis``,
+    ``row``, ``estimate``, ``low``, ``high`` (Student's interval over seeds), ``seeds``, ``suites_low`` and ``suites_high``
+    (that over suites, as a sample of possible ones). Rows that lack a suite are left out."""
     found = []
-    shifted = keep(table, table[EFFECT].notna())
-    for quantity, (axis, names) in product((*COMPARED, EFFECT), suites.items()):
-        known = shifted if quantity == EFFECT else table
-        part = complete(known, [name for name in names if quantity != EFFECT or name in set(shifted["suite"])])
-        if part.empty:
-            continue
-        means = aggregates(part, quantity, np.random.default_rng(SEED), by="row", task=("suite",))
-        sure = means["row"].isin(list(PLAYERS))  # whose seeds play alike: what they reach on these suites is known
-        means = means.assign(**{end: means[end].where(~sure | means[end].notna(), means["estimate"]) for end in ENDS})
-        means = select(means, metric="iqm").sort_values("estimate", ascending=False, kind="stable")
-        seeds = [len(set(select(part, row=row)["seed"])) for row in means["row"]]
-        found.append(means.assign(quantity=quantity, axis=axis, seeds=seeds))
-    columns = ["quantity", "axis", "row", "estimate", "low", "high", "n", "seeds"]
-    return pick(pd.concat(found, ignore_index=True), columns) if found else pd.DataFrame(columns=columns)
+    for quantity, (axis, names) in product(QUANTITIES, suites.items()):
+        known = keep(table, table[quantity].notna())
+        members = [name for name in names if quantity != EFFECT or name in set(known["suite"])]
+        for row, part in complete(known, members).groupby("row", dropna=False):
+            over_seeds, over_suites = (
+                mean_of_replicates(part.groupby(by, dropna=False)[quantity].mean().to_numpy()) for by in ("seed", "suite")
+            )
+            line = {"quantity": quantity, "axis": axis, "row": row, "seeds": over_seeds.n}
+            line |= {name: getattr(over_seeds, name) for name in ("estimate", *ENDS)}
+            found.append(line | {f"suites_{end}": getattr(over_suites, end) for end in ENDS})
+    columns = ["quantity", "axis", "row", "estimate", *ENDS, "seeds", *(f"suites_{end}" for end in ENDS)]
+    return pd.DataFrame(found, columns=columns)
 
 
-def profiles(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
-    """Shares of runs that are above each threshold, by ``quantity``; see
-    :func:`analysis.stats.scores.performance_profiles`."""
-    part, found = complete(table, names), []
-    for quantity in COMPARED:
-        rng = np.random.default_rng(SEED)
-        shares = performance_profiles(part, quantity, list(THRESHOLDS), rng, by="row", task=("suite",))
-        found.append(shares.assign(quantity=quantity))
-    return pd.concat(found, ignore_index=True)
+def places_of(table: pd.DataFrame, names: Sequence[str]) -> dict[str, tuple[int, int]]:
+    """The first and last place of each row by success on drawn levels, as of :func:`analysis.stats.ranking.places`."""
+    part = complete(keep(table, table[DRAWN].notna()), names)
+    return places(part.pivot_table(DRAWN, "seed", "row")) if len(part) else {}
 
 
-def improvements(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
-    """The probability that a run of one row is above one of another, mean over suites: columns ``quantity``, ``row``, ``over``,
-    ``estimate``, ``low``, ``high``."""
-    part = complete(table, names)
-    rows = list(dict.fromkeys(part["row"]))
-    found = []
-    for quantity, better, worse in ((q, a, b) for q, a, b in product(COMPARED, rows, rows) if a != b):
-        pair, rng = keep(part, part["row"].isin([better, worse])), np.random.default_rng(SEED)
-        one = probability_of_improvement(pair, quantity, better, worse, rng, by="row", task=("suite",))
-        found.append([quantity, better, worse, one.estimate, one.low, one.high])
-    return pd.DataFrame(found, columns=["quantity", "row", "over", "estimate", "low", "high"])
+def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """The lines of rows that are no players, on drawn levels of all of these suites, with the seeds that all of them share."""
+    known = keep(table, table[DRAWN].notna() & ~table["row"].isin(list(PLAYERS)))
+    part = complete(known, names)
+    seeds = [set(one["seed"]) for _, one in part.groupby("row", dropna=False)]
+    return keep(part, part["seed"].isin(list(set.intersection(*seeds)) if seeds else []))
 
 
-def seed_spreads(table: pd.DataFrame, names: Sequence[str], quantity: str) -> pd.Series:
-    """The standard deviation over seeds on each suite: its root mean square over the rows that are no players."""
-    part = complete(table, names)
-    part = part.loc[~part["row"].isin(list(PLAYERS))]
-    variance = part.groupby(["row", "suite"], dropna=False)[quantity].var().dropna()
-    return np.sqrt(variance.groupby("suite", dropna=False).mean())  # type: ignore[return-value]
+def beats_chance(table: pd.DataFrame, name: str) -> bool:
+    """Whether a learner solves more of a suite than random play does: Student's interval over its seeds is above 0."""
+    own = keep(table, (table["suite"] == name) & ~table["row"].isin(list(PLAYERS)))
+    values = [part[DRAWN if part[DRAWN].notna().any() else PRACTICE].dropna() for _, part in own.groupby("row", dropna=False)]
+    return any(mean_of_replicates(one.to_numpy()).low > 0 for one in values)

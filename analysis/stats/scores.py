@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy import stats
-from statsmodels.stats.power import TTestIndPower
 
 from analysis.stats.association import keys, labels, require
 from analysis.stats.estimate import Estimate
@@ -196,12 +195,3 @@ def resampled(scores: Scores, rng: np.random.Generator, resamples: int) -> Score
     """[resamples, runs, tasks]: runs drawn anew, with replacement, in each task by itself."""
     runs, tasks = scores.shape
     return scores[rng.integers(runs, size=(resamples, runs, tasks)), np.arange(tasks)]
-
-
-def detectable_difference(sd: float, n: int, power: float = 0.8, alpha: float = 0.05) -> float:
-    """The smallest difference between the means of two groups of ``n`` with this standard deviation that Student's two-sided
-    test finds with that power; NaN of fewer than 2."""
-    if n < 2:
-        return float("nan")
-    size = TTestIndPower().solve_power(nobs1=n, power=power, alpha=alpha, alternative="two-sided")
-    return float(size) * sd

@@ -147,8 +147,8 @@ def _acting(
         before, after = read_actions(file)["test"], record_actions(policy, of.test_levels, **options)
         if before.shape != after.shape or (before != after).any():
             raise ConfigError(
-                f"policy: {name} acts otherwise on the practice levels of {of.name} with seed {piece.seed} than when its row was"
-                " made. It must give the same policy each time: train once, keep the weights, and load them"
+                f"policy: {name} acts otherwise on the practice levels of {of.name} with seed {piece.seed} than when its row"
+                " was made. It must give the same policy each time: train once, keep the weights, and load them"
             )
         yield policy, options
 

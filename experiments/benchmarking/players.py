@@ -24,7 +24,8 @@ class PlayerTask:
     """One piece: the method, the suite, the seed, and the folder that it is written to.
 
     ``policy`` names a function ``(training side, seed) -> policy`` of a method that was trained elsewhere, for whose answers
-    ``seconds`` are waited; ``actions`` is the folder with its files of actions. Both are empty for the players of the benchmark.
+    ``seconds`` are waited; ``actions`` is the folder with its files of actions. Both are empty for the players of the
+    benchmark.
     """
 
     method: Method

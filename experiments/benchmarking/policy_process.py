@@ -9,6 +9,7 @@ from __future__ import annotations
 import multiprocessing
 import traceback
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
@@ -23,7 +24,6 @@ from segar.envs import VectorEnv, begin_policy
 from segar.evaluation import checked_actions
 from segar.language import Task
 from segar.suites import TrainingSide, hide_tests
-from segar.support import first_line
 
 ROWS = 512  # of a batch, at most
 SECONDS = 600.0  # the longest wait for an answer, unless the settings say another one
@@ -95,10 +95,8 @@ class PolicyProcess:
         self.close()
 
     def _ask(self, what: str, n: int) -> None:
-        try:
+        with suppress(OSError):  # it has ended; the answer says so
             self._connection.send((what, n))
-        except OSError:
-            pass  # it has ended; the answer says so
         self._answer()
 
     def _answer(self) -> Any:
@@ -143,7 +141,9 @@ def _serve(
         pass
     except Exception as error:  # the other end tells of it
         traceback.print_exc()
-        connection.send((None, f"{type(error).__name__}: {error}" if not isinstance(error, ConfigError) else str(error)))
+        connection.send(
+            (None, f"{type(error).__name__}: {error}" if not isinstance(error, ConfigError) else str(error))
+        )
 
 
 def _made(name: str, side: TrainingSide) -> tuple[Any, Mapping[str, str]]:

@@ -3,8 +3,8 @@
 A row is a folder. ``row.json`` describes it and holds the hash of every other file; ``episodes.parquet`` has all episodes,
 :data:`EPISODES`; ``<suite>-s<seed>.npz`` holds the network that played, or the actions that were taken. Where levels were
 played several times, ``levels.parquet`` has the means of each level. A row whose methods can play anything is then played on
-levels that follow from all of this, :class:`Drawn`; a row of recorded actions cannot be. A folder may lack files that are published elsewhere, as
-those of the repository do: ``segar results fetch`` gets them.
+levels that follow from all of this, :class:`Drawn`; a row of recorded actions cannot be. A folder may lack files that are
+published elsewhere, as those of the repository do: ``segar results fetch`` gets them.
 """
 
 from __future__ import annotations
@@ -108,8 +108,8 @@ class Drawn:
     Attributes:
         suite, seed: of the piece. file: the whole SHA-256 of its file; empty where there is none.
         levels: the hash of the levels. count: how many there are.
-        solved, planner: how many the method solved, and the planner. random: how many of :data:`RANDOM_PLAYS` random episodes on
-            each level ended in success.
+        solved, planner: how many the method solved, and the planner. random: how many of :data:`RANDOM_PLAYS` random episodes
+            on each level ended in success.
         steps, planner_steps: in all, on levels that both solved.
         episodes: a hash of the return, length and success of every episode of the method.
     """
@@ -255,10 +255,11 @@ def read_row(folder: Path) -> Row:
 
 def commitment_of(method: Method, pieces: Sequence[Piece], files: Mapping[tuple[str, int], str]) -> str:
     """The SHA-256 of what a row is before its levels are drawn: the version of the protocol, the kind of the method and the
-    settings that it plays by, and of each piece the suite with its hash, the seed, the SHA-256 of its file (weights, or recorded
-    actions), and the code of the user's own that plays it."""
+    settings that it plays by, and of each piece the suite with its hash, the seed, the SHA-256 of its file (weights, or
+    recorded actions), and the code of the user's own that plays it."""
     parts = [
-        [one.suite, one.suite_hash, one.seed, files[one.suite, one.seed], one.made_with.get("code", {})] for one in pieces
+        [one.suite, one.suite_hash, one.seed, files[one.suite, one.seed], one.made_with.get("code", {})]
+        for one in pieces
     ]
     played = {key: value for key, value in method.settings.items() if key in DRAWN}
     player = method.name if method.kind == "player" else ""
@@ -284,8 +285,8 @@ def _check_drawn(path: Path, data: Mapping[str, Any], drawn: Sequence[Drawn]) ->
         return
     if data.get("protocol") != PROTOCOL:
         raise RunFolderError(
-            f"{path}: its levels were drawn by protocol {data.get('protocol')}, and this version plays protocol {PROTOCOL}; such"
-            " numbers do not compare. Make the row again: again=ROW root=FOLDER"
+            f"{path}: its levels were drawn by protocol {data.get('protocol')}, and this version plays protocol {PROTOCOL};"
+            " such numbers do not compare. Make the row again: again=ROW root=FOLDER"
         )
     files = {(one["suite"], one["seed"]): one["file"] for one in data["pieces"]}
     if [*files] != [(one.suite, one.seed) for one in drawn]:
@@ -296,8 +297,12 @@ def _check_drawn(path: Path, data: Mapping[str, Any], drawn: Sequence[Drawn]) ->
         if one.file[:DIGITS] != data["files"].get(file, ""):
             raise RunFolderError(f"{where}: its file has the SHA-256 {data['files'].get(file)}..., not {one.file}")
         chance, most = one.random / RANDOM_PLAYS, one.count
-        if not (0 <= one.solved <= most and 0 <= chance < one.planner <= most and min(one.steps, one.planner_steps) >= 0):
-            raise RunFolderError(f"{where}: {one.solved} solved of {most}, random {chance:g}, planner {one.planner} cannot be")
+        if not (
+            0 <= one.solved <= most and 0 <= chance < one.planner <= most and min(one.steps, one.planner_steps) >= 0
+        ):
+            raise RunFolderError(
+                f"{where}: {one.solved} solved of {most}, random {chance:g}, planner {one.planner} cannot be"
+            )
 
 
 def _checked(path: Path, schema: pa.Schema, pieces: Sequence[Piece]) -> pa.Table:

@@ -35,6 +35,7 @@ class BenchmarkConfig:
     salt: str = ""
     again: tuple[str, ...] = ()
     trust: bool = False  # import the modules that rows name
+    panel: bool = False
     table: bool = False
     processes: int = 0
     dry_run: bool = False

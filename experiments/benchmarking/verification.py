@@ -93,7 +93,9 @@ def _verify_drawn(
     """Draws and plays the levels of pieces again; returns how many episodes are equal."""
     if not row.drawn:
         if salt:
-            raise ConfigError(f"salt: the levels of {row.method.name} were not drawn: it was played on practice levels alone")
+            raise ConfigError(
+                f"salt: the levels of {row.method.name} were not drawn: it was played on practice levels alone"
+            )
         return 0
     if "policy" in row.method.settings and not trusted:
         if salt:

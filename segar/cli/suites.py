@@ -16,7 +16,9 @@ def add_commands(commands: Any) -> None:
     purpose = "list the suites that methods are compared on, or tell of one of them"
     listing = arguments.command(commands, "suites", tell, purpose)
     listing.add_argument("name", metavar="SUITE", nargs="?", help="a suite; without it, all are listed")
-    listing.add_argument("--plans", metavar="FILE", help="write the plans of its test levels, found again by the planner")
+    listing.add_argument(
+        "--plans", metavar="FILE", help="write the plans of its test levels, found again by the planner"
+    )
 
 
 def tell(chosen: argparse.Namespace) -> None:

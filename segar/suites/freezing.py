@@ -166,7 +166,9 @@ def own_suite(
     plans = plan(levels, played, rng=np.random.default_rng(SEARCH), samples=64, iterations=5)
     hashes = {"train": train.hash, "test": test.hash, "levels": hash_of_levels(levels), "plans": hash_of_plans(plans)}
     whole = hashlib.sha256(json.dumps(hashes).encode()).hexdigest()[:HASH_DIGITS]
-    return Suite(name, "", "", "", train, test, levels, lambda: plans, OWN_TRAINING_LEVELS, played, (), (), 0, whole, hashes)
+    return Suite(
+        name, "", "", "", train, test, levels, lambda: plans, OWN_TRAINING_LEVELS, played, (), (), 0, whole, hashes
+    )
 
 
 def _written(path: Path, levels: Levels, plans: Plan, text: str) -> Suite:

@@ -16,7 +16,12 @@ FIXED = ("task", "world", "max_steps", "sub_steps")
 
 
 def side_options(
-    suite: Suite | TrainingSide, side: str, seed: int = 1, *, training_levels: int | None = None, observation: Any = "state"
+    suite: Suite | TrainingSide,
+    side: str,
+    seed: int = 1,
+    *,
+    training_levels: int | None = None,
+    observation: Any = "state",
 ) -> dict[str, Any]:
     """Arguments of environments that play a side of a suite: ``levels``, ``task`` and ``observation``.
 
@@ -106,8 +111,8 @@ def _no_textures(suite: Suite | TrainingSide, given: str) -> SuiteError:
     shown = zip(suite.textures, ("training", "the test"), strict=False)
     sets = " and ".join(f"the set of textures {name} in {where}" for name, where in shown)
     return SuiteError(
-        f"observation: the suite {suite.name} shows {sets}, which {given} does not; choose {', '.join(TEXTURED)} or {', '.join(TEXTURED.values())}, without the option"
-        " textures, or a function that makes one from the name of a set, such as lambda name: TexturedPixels(name)"
+        f"observation: the suite {suite.name} shows {sets}, which {given} does not; choose {', '.join(TEXTURED)} or"
+        f" {', '.join(TEXTURED.values())}, without the option textures, or a function that makes one from the name of a set, such as lambda name: TexturedPixels(name)"
     )
 
 

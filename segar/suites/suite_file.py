@@ -75,8 +75,8 @@ class Suite:
     def plans(self) -> Plan:
         """The best episode that was found on each test level, with the actions that certify it.
 
-        Those of the suites that come with SEGAR are in no file, so that nothing that plays a test can read them: the search that
-        froze the test makes them again, to the bit, in 5 to 20 s.
+        Those of the suites that come with SEGAR are in no file, so that nothing that plays a test can read them: the search
+        that froze the test makes them again, to the bit, in 5 to 20 s.
 
         Raises:
             SuiteError: they are not those that were frozen.
@@ -88,7 +88,9 @@ class Suite:
 
     def training_side(self, seed: int) -> TrainingSide:
         """What a method with this seed may know of the suite; raises as :meth:`sample`."""
-        shared = {one.name: getattr(self, one.name) for one in dataclasses.fields(TrainingSide) if hasattr(self, one.name)}
+        shared = {
+            one.name: getattr(self, one.name) for one in dataclasses.fields(TrainingSide) if hasattr(self, one.name)
+        }
         return TrainingSide(**{**shared, "textures": self.textures[:1]}, seed=seed, levels=self.sample(seed))
 
     def __repr__(self) -> str:
@@ -109,7 +111,8 @@ class Suite:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrainingSide:
-    """The training side of a suite with a seed: all that a method may know. Neither test levels nor their distribution are here.
+    """The training side of a suite with a seed: all that a method may know. Neither test levels nor their distribution are
+    here.
 
     Attributes:
         name, axis, train, training_levels, task, hidden, hash: of the suite. textures: the set of training alone, or none.
@@ -177,8 +180,8 @@ def read_suite(path: str | PathLike[str]) -> Suite:
     path = Path(path)
     if _tests_are_hidden:
         raise SuiteError(
-            f"{path.stem}: a policy sees the training side of a suite alone, which its function is given; no test can be read in"
-            " its process"
+            f"{path.stem}: a policy sees the training side of a suite alone, which its function is given; no test can be read"
+            " in its process"
         )
     found = _read(path)
     hidden = tuple(_factor(path, name) for name in found["hidden"])

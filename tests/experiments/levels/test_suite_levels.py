@@ -72,7 +72,9 @@ def test_options_of_a_task_and_textures_are_told():
     options = dataclasses.replace(config_of(), task=TaskConfig(options={"max_steps": 30}))
     with pytest.raises(ConfigError, match=r"task\.options: the suite place-few-v1 says what is played"):
         environment_options(options)
-    message = "the suite look-far-v1 shows the set of textures baseline in training and the set of textures far in the test"
+    message = (
+        "the suite look-far-v1 shows the set of textures baseline in training and the set of textures far in the test"
+    )
     for observation in (ObservationConfig("state"), ObservationConfig("textures", {"textures": "close"})):
         with pytest.raises(ConfigError, match=message):
             environment_options(dataclasses.replace(config_of("look-far-v1"), observation=observation))

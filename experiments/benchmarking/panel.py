@@ -1,0 +1,115 @@
+"""Players whose place is known beforehand: where one of them stands otherwise, the benchmark is wrong, or gamed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.benchmarking.drawn import LEVELS, draw, drawn_of, play_on
+from experiments.benchmarking.level_sets import number_of_levels
+from experiments.benchmarking.playing import options_of
+from experiments.benchmarking.row import RANDOM_PLAYS, Piece, read_row
+from experiments.runs.files import read_json, write_text
+from segar.envs import Policy, VectorEnv
+from segar.evaluation import Idle, Random, RecordedActions, Scripted
+from segar.metrics import cost_matrix
+from segar.policies import Network, NetworkPolicy
+from segar.suites import plans_on, suite
+
+PANEL = "panel.json"
+FORM = [{"player": str, "must": str, "suite": str, "drawn": float, "right": bool}]
+COMMITMENT, SEED = "panel", 1  # what its levels follow from, and the seed of training levels
+NOISE = 0.3  # share of random actions
+WIDTH = 3  # standard errors that chance may be above its mean
+
+
+@dataclass(frozen=True)
+class PanelTask:
+    """One suite: the row whose network is played with noise, None where there is none, and the file of what is found."""
+
+    suite: str
+    row: Path | None
+    path: Path
+
+
+def play_panel(task: PanelTask) -> dict[str, float]:
+    """Plays the panel on a suite and writes its lines, :data:`FORM`; returns nothing to show."""
+    of = suite(task.suite)
+    train = of.sample(SEED)
+    given = draw(of, COMMITMENT, SEED, train)
+    piece, options = Piece(of.name, of.hash, SEED, {}), {"task": of.task}
+
+    def corrected(policy: Policy, **played_in: Any) -> float:
+        return drawn_of(piece, Path(), given, play_on(given.levels, policy, **(played_in or options))).corrected
+
+    chance, planner = given.random / (LEVELS * RANDOM_PLAYS), given.plan.solved.mean()
+    most = WIDTH * (chance * (1 - chance) * (1 + 1 / RANDOM_PLAYS) / LEVELS) ** 0.5 / (planner - chance)
+    lines = []
+
+    def add(player: str, must: str, value: float, is_right: bool) -> None:
+        lines.append({"player": player, "must": must, "suite": of.name, "drawn": value, "right": bool(is_right)})
+
+    practised = play_on(of.test_levels, RecordedActions(of.plans.actions), **options).success.all()
+    nearest = plans_on(of, "train", train, SEED).actions[cost_matrix(given.levels, train).argmin(axis=1)]
+    at_chance = "be at chance"
+    for player, policy in (("idle", Idle()), ("random", Random(SEED, 1))):
+        value = corrected(policy)
+        add(player, at_chance, value, value <= most)
+    value = corrected(RecordedActions(of.plans.actions[np.arange(LEVELS) % len(of.test_levels)]))
+    add("replay of the practice plans", "solve all of practice, be at chance", value, value <= most and practised)
+    add("plan of the nearest training level", "say what memory earns", corrected(RecordedActions(nearest)), True)
+    add("script (privileged)", "", corrected(Scripted()), True)
+    value = corrected(RecordedActions(given.plan.actions))
+    add("planner (privileged)", "solve what the planner solves", value, value == 1.0)
+    if task.row is not None:
+        row = read_row(task.row)
+        (own,) = (one for one in row.pieces if one.suite == of.name and one.seed == SEED)
+        seen = options_of(of, row.method, of.sample(SEED, number_of_levels(row.method)), "test")
+        policy = NetworkPolicy(Network.load(row.folder / own.file), unit_actions=True)
+        alone, noisy = corrected(policy, **seen), corrected(Noisy(policy), **seen)
+        add(row.method.name, "", alone, True)
+        add(
+            f"{row.method.name}, {NOISE:.0%} random",
+            "be below it where it beats chance",
+            noisy,
+            noisy < alone or alone <= most,
+        )
+    task.path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(task.path, json.dumps(lines) + "\n")
+    return {}
+
+
+class Noisy:
+    """A policy some of whose actions are random."""
+
+    def __init__(self, policy: NetworkPolicy) -> None:
+        self.policy = policy
+
+    def begin(self, env: VectorEnv) -> None:
+        self.rng, self.space = np.random.default_rng(SEED), env.single_action_space
+        self.policy.begin(env)
+
+    def __call__(self, observations: Any) -> np.ndarray:
+        actions = self.policy(observations)
+        noise = self.rng.uniform(self.space.low, self.space.high, actions.shape).astype(np.float32)
+        return np.where(self.rng.random((len(actions), 1)) < NOISE, noise, actions)
+
+
+def read_panel(path: Path) -> list[dict[str, Any]]:
+    """The lines of a panel; raises :class:`RunFolderError` where the file is none."""
+    return read_json(path, FORM)
+
+
+def network_for(name: str, rows: list[Path]) -> Path | None:
+    """The first of some rows that has a network for a suite with the panel's seed."""
+    for folder in rows:
+        row = read_row(folder)
+        if row.method.kind == "networks" and any(
+            (one.suite, one.seed) == (name, SEED) and one.file not in row.lacks for one in row.pieces
+        ):
+            return folder
+    return None
