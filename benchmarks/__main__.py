@@ -10,6 +10,7 @@ from benchmarks.lab import lab
 from benchmarks.mathematics import speed
 from benchmarks.measure import print_parts
 from benchmarks.networks import networks
+from benchmarks.policies import policies
 from benchmarks.rule_sets import rule_sets
 from benchmarks.scaling import bodies, threads
 from benchmarks.targets import targets
@@ -30,6 +31,7 @@ PARTS = {
     "gpu": gpu,
     "resets": resets,
     "networks": networks,
+    "policies": policies,
     "startup": startup,
     "targets": targets,
     "rule_sets": rule_sets,

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ REPETITIONS = 4000  # of planted tables
 MOST_SUITES = 100  # of which it is asked whether they are enough
 
 
-def places(values: pd.DataFrame) -> dict[str, tuple[int, int]]:
+def places(values: pd.DataFrame) -> dict[Any, tuple[int, int]]:
     """The first and the last place that each row may have: rows that no test separates share them.
 
     Two rows are separated by Student's paired test over the seeds that they share, at 5 % after Holm's correction for all
@@ -30,7 +31,7 @@ def places(values: pd.DataFrame) -> dict[str, tuple[int, int]]:
         values: one number per seed (lines) and row (columns), NaN where there is none. Rows with fewer than
             :data:`FEWEST_SEEDS` have no place.
     """
-    names = [str(name) for name in values if values[name].count() >= FEWEST_SEEDS]
+    names = [name for name in values.columns if values[name].count() >= FEWEST_SEEDS]
     pairs = list(combinations(names, 2))
     apart = [(values[a] - values[b]).dropna() for a, b in pairs]
     found = [mean_of_replicates(one.to_numpy(), 0.0, 2) for one in apart]

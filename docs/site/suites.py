@@ -137,7 +137,7 @@ def page_of(one: Suite, told: Mapping[str, Any]) -> str:
     nothing = "Nothing: training and test have one distribution, and the question is what few training levels teach."
     unseen = "".join(f"Not seen by W2: {text}.\n\n" for text in told["unseen"])
     certificates = [
-        ("the planner, by its stored plans", f"{told['solved_by_planner']:.3f}"),
+        ("the planner, by its plans", f"{told['solved_by_planner']:.3f}"),
         ("doing nothing", f"{told['solved_by_idle']:.3f}"),
         ("random actions", f"{told['solved_by_random']:.3f}"),
     ]

@@ -192,7 +192,7 @@ def _written(path: Path, levels: Levels, plans: Plan, text: str) -> Suite:
                 made.with_suffix(suffix).replace(path.with_suffix(suffix))
     except OSError as error:
         raise SuiteError(f"{path}: the suite cannot be written: {error.strerror or error}") from error
-    return found
+    return read_suite(path)
 
 
 def _rules(distribution: LevelDistribution) -> list[str]:

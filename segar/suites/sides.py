@@ -112,7 +112,8 @@ def _no_textures(suite: Suite | TrainingSide, given: str) -> SuiteError:
     sets = " and ".join(f"the set of textures {name} in {where}" for name, where in shown)
     return SuiteError(
         f"observation: the suite {suite.name} shows {sets}, which {given} does not; choose {', '.join(TEXTURED)} or"
-        f" {', '.join(TEXTURED.values())}, without the option textures, or a function that makes one from the name of a set, such as lambda name: TexturedPixels(name)"
+        f" {', '.join(TEXTURED.values())}, without the option textures, or a function that makes one from the name of a set,"
+        " such as lambda name: TexturedPixels(name)"
     )
 
 

@@ -240,8 +240,7 @@ def test_sessions_of_a_lab_run_nothing(tmp_path):
 
 def test_suites_run_nothing(tmp_path):
     name, data = "place-few-v1", segar.suites.suite_names.DATA
-    for suffix in (".levels.npz", ".plans.npz"):
-        (tmp_path / f"{name}{suffix}").write_bytes((data / f"{name}{suffix}").read_bytes())
+    (tmp_path / f"{name}.levels.npz").write_bytes((data / f"{name}.levels.npz").read_bytes())
     path, stated = tmp_path / f"{name}.toml", tomllib.loads((data / f"{name}.toml").read_text())
     stated["hidden"], stated["task"]["options"] = ["Mass"], {"reward": "squared"}
 

@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
@@ -12,18 +13,38 @@ from mlflow import MlflowClient
 
 from analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
 from analysis.benchmark.leaderboard_page import escaped
-from analysis.benchmark.make import BOARD, CAUSES, IMPROVEMENT, PAGE, PROFILE, PROFILES, SCORES, report_rows
-from analysis.benchmark.scores import COMPARED, OVERALL, figures_of, leaderboard, rows_in, suites_compared
-from analysis.stats.scores import detectable_difference
+from analysis.benchmark.make import BOARD, CAUSES, PAGE, PROFILE, SCORES, report_rows
+from analysis.benchmark.scores import (
+    DRAWN,
+    OVERALL,
+    PRACTICE,
+    figures_of,
+    leaderboard,
+    places_of,
+    rows_in,
+    suites_compared,
+)
 from experiments.benchmarking.protocol import REFERENCES, SHIPPED
-from experiments.benchmarking.row import ROW, TABLE, file_hash, hash_of
+from experiments.benchmarking.row import (
+    EPISODES,
+    ROW,
+    TABLE,
+    Drawn,
+    Method,
+    NewPiece,
+    Piece,
+    add_pieces,
+    file_hash,
+    hash_of,
+    write_drawn,
+)
 from experiments.settings import RunFolderError, TrackingConfig
 from experiments.tracking.mlflow_store import store_uri
 from segar.suites import CORE, outline, suite, suites
 
 pytestmark = pytest.mark.results
 
-MADE = (SCORES, BOARD, IMPROVEMENT, PROFILES, CAUSES)
+MADE = (SCORES, BOARD, CAUSES)
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +97,8 @@ def test_the_planner_scores_1_and_has_no_regret_and_idle_and_random_score_0_at_m
     planner, others = table.loc[table["row"] == "planner"], table.loc[table["row"].isin(["idle", "random"])]
     assert np.allclose(planner[["score", "train_score"]], 1) and np.allclose(planner["regret"], 0)
     assert (others["score"] < 0.01).all()
+    random = table.loc[table["row"] == "random"]
+    assert np.allclose(planner[PRACTICE], 1) and np.allclose(random.groupby("suite")[PRACTICE].mean(), 0, atol=1e-3)
 
 
 def test_the_regret_is_that_of_the_plans_that_come_with_the_suite(table):
@@ -98,7 +121,9 @@ def test_a_row_that_lacks_a_suite_is_not_compared_on_it(table, compared):
     board = leaderboard(less, compared)
     axis = next(axis for axis, names in compared.items() if CORE[0] in names)
     for name in (OVERALL, axis):
-        assert "script" not in set(board.loc[(board["axis"] == name) & board["quantity"].isin(COMPARED), "row"])
+        assert "script" not in set(
+            board.loc[(board["axis"] == name) & board["quantity"].isin([PRACTICE, "score"]), "row"]
+        )
     assert "script" in set(board["row"])
 
 
@@ -133,12 +158,30 @@ def test_every_row_but_the_references_has_the_effect_of_the_shift_where_training
     assert controls.abs().median() < 0.05
 
 
-def test_more_seeds_see_smaller_differences():
-    seen = [detectable_difference(0.1, seeds) for seeds in (2, 3, 5, 10, 100)]
-    assert seen == sorted(seen, reverse=True) and np.isnan(detectable_difference(0.1, 1))
-    assert detectable_difference(0.2, 5) == pytest.approx(2 * detectable_difference(0.1, 5))
-    # Of many, that of the normal distribution: (z of 0.975 + z of 0.8) times sd times the root of 2 / n.
-    assert detectable_difference(1.0, 5000) == pytest.approx(2.8016 * np.sqrt(2 / 5000), rel=1e-3)
+def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tmp_path):
+    """Planted: five seeds of two rows, one of which solves more; and a third one whose levels were not drawn."""
+    rows = tmp_path / "rows"
+    for k, name in enumerate(("ahead", "behind", "recorded")):
+        new, drawn = [], []
+        for of, seed in ((suite(name), seed) for name in CORE[:3] for seed in range(1, 6)):
+            levels = {"test": of.hashes["levels"]}
+            columns = {"suite": [of.name] * 2, "seed": [seed] * 2, "levels": ["test"] * 2, "level": [0, 1]}
+            played = {"return": [0.5, 0.6], "length": [3, 4], "success": [True, False], "death": [False, False]}
+            new.append(NewPiece(Piece(of.name, of.hash, seed, levels), pa.table(columns | played, EPISODES), None))
+            solved = 600 - 150 * k + 7 * seed
+            drawn.append(Drawn(of.name, seed, "", "0" * 16, 1000, solved, 500, 1000, 3000, 2000, "0"))
+        row = add_pieces(rows / name, Method(name, "player", "planted"), new)
+        if name != "recorded":
+            write_drawn(row, drawn)
+    found = figures_of(rows_in([rows]), pd.DataFrame(columns=["row", "suite", "seed", "group", "differs", "effect"]))
+    assert places_of(found, CORE[:3]) == {"ahead": (1, 1), "behind": (2, 2)}
+    assert found.loc[found["row"] == "ahead", DRAWN].iloc[0] == pytest.approx((0.607 - 0.1) / 0.9)
+    report_rows(rows)
+    page = (rows / PAGE).read_text()
+    ranked, _, rest = page.partition("## Practice test only")
+    assert "| `ahead` (not verified) | 1 |" in ranked and "| `behind` (not verified) | 2 |" in ranked
+    assert "`recorded`" not in ranked.partition("## All suites")[2] and "These rows do not rank methods yet" in ranked
+    assert "`recorded` (not verified)" in rest
 
 
 def forged(folder, change):
@@ -169,7 +212,7 @@ def test_rows_that_nobody_has_verified_say_so_in_every_table(tmp_path, monkeypat
     report_rows(folder)
     page = (folder / PAGE).read_text()
     assert page.count("`script` (not verified)") == page.count("`script`") > 10 and page.count("(not verified)") > 10
-    for name in (SCORES, BOARD, IMPROVEMENT):
+    for name in (SCORES, BOARD):
         assert {one for one in pd.read_csv(folder / name)["row"] if "script" in one} == {"script (not verified)"}
 
 

@@ -1,9 +1,17 @@
-"""A method that was trained elsewhere, as a user's package has it."""
+"""A method that was trained elsewhere, as a user's package has it, and some that are none."""
+
+import gc
+import os
+import time
 
 import numpy as np
 
+from segar.hardness import Plan
+from segar.levels import Levels
+from segar.suites import Suite, suite
 
-def policy(suite, seed):
+
+def policy(side, seed):
     """Acts by the first numbers of what it sees, otherwise for each seed."""
     gain = np.random.default_rng(seed).uniform(0.5, 1.0, 2)
     return lambda observations: np.tanh(observations[:, :2] * gain)
@@ -12,5 +20,52 @@ def policy(suite, seed):
 no_function = 3
 
 
-def no_policy(suite, seed):
+def no_policy(side, seed):
     """Forgets to return a policy."""
+
+
+def fickle(side, seed):
+    """Is another policy each time."""
+    gain = np.random.default_rng().uniform(0.5, 1.0, 2)
+    return lambda observations: np.tanh(observations[:, :2] * gain)
+
+
+def of_another_shape(side, seed):
+    """Gives a component too many."""
+    return lambda observations: np.zeros((len(observations), 3))
+
+
+def dies(side, seed):
+    """Ends its process."""
+    return lambda observations: os._exit(7)
+
+
+def hangs(side, seed):
+    """Never answers."""
+    return lambda observations: time.sleep(1000)
+
+
+def looks_for_the_test(side, seed):
+    """Looks for levels and plans in memory, and then by importing them."""
+
+    def act(observations):
+        held = [one for one in gc.get_objects() if isinstance(one, Levels | Plan | Suite)]
+        assert all(isinstance(one, Levels) and one == side.levels for one in held), held
+        return suite(side.name).test_levels
+
+    return act
+
+
+class Remembers:
+    """Counts the steps of its episodes."""
+
+    def __init__(self, side, seed):
+        self.time = None
+
+    def begin(self, episodes):
+        assert not {"levels", "state", "factors", "simulator"} & {*dir(episodes)}
+        self.time = np.zeros((episodes.num_envs, 2))
+
+    def __call__(self, observations):
+        self.time += 0.01
+        return self.time

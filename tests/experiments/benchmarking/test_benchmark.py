@@ -21,10 +21,23 @@ from experiments.benchmark import (
     with_names,
 )
 from experiments.benchmarking import protocol
+from experiments.benchmarking.drawn import draw, play_drawn
+from experiments.benchmarking.panel import PanelTask, play_panel, read_panel
 from experiments.benchmarking.players import PlayerTask, make_piece
 from experiments.benchmarking.playing import read_actions, write_actions
 from experiments.benchmarking.protocol import PLAYERS, SHIPPED, suites_named
-from experiments.benchmarking.row import EPISODES, ROW, TABLE, add_pieces, file_hash, hash_of, read_piece, read_row
+from experiments.benchmarking.row import (
+    EPISODES,
+    ROW,
+    TABLE,
+    add_pieces,
+    commitment_of_row,
+    file_hash,
+    hash_of,
+    read_piece,
+    read_row,
+    write_drawn,
+)
 from experiments.benchmarking.verification import is_verified, verify
 from experiments.commands.overrides import with_own_names
 from experiments.settings import (
@@ -35,10 +48,13 @@ from experiments.settings import (
     RunFolderError,
     ScaleConfig,
     TrackingConfig,
+    TrainingError,
     add_module_path,
 )
+from segar.levels import hash_of_levels
 from segar.policies import Network, NetworkPolicy
 from segar.suites import AXES, CORE, evaluate_on_suite, find_causes, outline, suite, twins
+from segar.support import EVERYTHING
 from tests.experiments.benchmarking import lab_method
 from tests.experiments.short_runs import run_module
 
@@ -199,10 +215,98 @@ def test_wrong_actions_are_refused(tmp_path, actions, said):
         row_made_here(config_of(tmp_path, actions=str(tmp_path / "given"), row="mine"))
 
 
-@pytest.mark.parametrize("name", ["no_function", "no_policy"])
-def test_what_makes_no_policy_is_refused(tmp_path, name):
-    with pytest.raises(ConfigError, match=f"policy: {LAB}:{name} must be a function of a suite and a seed"):
-        row_made_here(config_of(tmp_path, policy=f"{LAB}:{name}", row="mine"))
+@pytest.mark.parametrize(
+    ("name", "error", "said"),
+    [
+        ("no_function", ConfigError, "it must be a function of a suite's training side and a seed .* it is int"),
+        (
+            "no_policy",
+            ConfigError,
+            "it must be a function of a suite's training side and a seed .* it returns NoneType",
+        ),
+        ("of_another_shape", ConfigError, r"actions must have shape \(25, 2\), not \(25, 3\)"),
+        ("dies", TrainingError, "ended by itself, with exit code 7"),
+        (
+            "hangs",
+            TrainingError,
+            "gave no answer within 20 s, and its process was ended. policy_seconds=N waits longer",
+        ),
+        ("looks_for_the_test", ConfigError, "a policy sees the training side of a suite alone"),
+    ],
+)
+def test_what_is_no_policy_is_refused_by_its_name_and_leaves_nothing(tmp_path, name, error, said):
+    seconds = 20.0 if name == "hangs" else 600.0
+    config = config_of(tmp_path, policy=f"{LAB}:{name}", row="mine", policy_seconds=seconds)
+    with pytest.raises(error, match=f"policy: .*{LAB}:{name}.*{said}"):
+        row_made_here(config)
+    assert not (config.folder / "mine").exists()
+
+
+def drawn_here(row):
+    """A row whose drawn levels were played in this process."""
+    commitment = commitment_of_row(row)
+    return write_drawn(row, [play_drawn(row.method, one, row.folder / one.file, commitment) for one in row.pieces])
+
+
+def test_levels_that_follow_from_a_row_are_played_again_to_the_bit_and_those_of_a_salt_are_others(tmp_path, few_drawn):
+    row, said = drawn_here(row_made_here(config_of(tmp_path, player="script"))), []
+    (found,) = row.drawn
+    assert (
+        found.count == few_drawn and found.solved > 0.5 * few_drawn and found.corrected > found.random / few_drawn / 5
+    )
+    assert verify(row, say=said.append, salt="words") == 225 + few_drawn
+    assert f"{few_drawn} episodes on drawn levels are equal to the bit" in said[1]
+    assert "those of the salt 'words'" in said[2] and "(95 %, Welch)" in said[2]
+    other, train = commitment_of_row(row), suite(SUITE).sample(1)
+    levels = {hash_of_levels(draw(suite(SUITE), *key, train).levels) for key in ((other, 1), (other, 2), ("else", 1))}
+    assert len({*levels, found.levels}) == 3 and found.levels in levels
+    assert hash_of_levels(draw(suite(SUITE), other, 1, train, "words").levels) not in levels
+
+
+def test_what_is_said_of_drawn_levels_cannot_be_edited(tmp_path, few_drawn):
+    row = drawn_here(row_made_here(config_of(tmp_path, player="script")))
+    (one,) = (dataclasses.asdict(one) for one in row.drawn)
+    with pytest.raises(RunFolderError, match="levels were drawn by protocol 3, and this version plays protocol 2"):
+        edited(row, protocol=3)
+    with pytest.raises(RunFolderError, match=f"{SUITE}, seed 1: .* cannot be"):
+        edited(row, protocol=2, drawn=[{**one, "solved": few_drawn + 1}])
+    with pytest.raises(RunFolderError, match="it must have the pieces of the row"):
+        edited(row, drawn=[one, one])
+    for changes, said in (
+        ({"solved": one["solved"] + 1}, "'solved' is"),
+        ({"levels": "0000"}, "'levels' is '0000' in the row"),
+    ):
+        with pytest.raises(RunFolderError, match=f"script: {SUITE}-s1: drawn levels: {said}"):
+            verify(edited(row, drawn=[{**one, **changes}]))
+
+
+def test_recorded_actions_are_practice_alone_and_a_policy_must_be_the_one_that_was_committed(tmp_path, few_drawn):
+    write_actions(tmp_path / "given" / f"{SUITE}-s1.npz", {"test": np.full((200, 3, 2), 0.25, np.float32)})
+    recorded = row_made_here(config_of(tmp_path, actions=str(tmp_path / "given"), row="recorded"))
+    assert not recorded.can_be_drawn
+    with pytest.raises(ConfigError, match="salt: the levels of recorded were not drawn"):
+        verify(recorded, salt="words")
+    mine = drawn_here(row_made_here(config_of(tmp_path, policy=f"{LAB}:policy", row="mine")))
+    said = []
+    assert verify(mine, say=said.append) == 225 and "its policy is code, which trust=true runs" in said[-1]
+    assert verify(mine, trusted=(EVERYTHING,)) == 225 + few_drawn
+    fickle = row_made_here(config_of(tmp_path, policy=f"{LAB}:fickle", row="fickle"))
+    with pytest.raises(ConfigError, match=f"{LAB}:fickle acts otherwise on the practice levels of {SUITE} with seed 1"):
+        drawn_here(fickle)
+
+
+def test_a_policy_with_a_memory_is_told_that_episodes_begin_and_not_on_which_levels(tmp_path):
+    row = row_made_here(config_of(tmp_path, policy=f"{LAB}:Remembers", row="mine"))
+    actions = read_actions(row.folder / f"{SUITE}-s1.npz")
+    assert (np.diff(actions["test"][:, :3, 0]) > 0).mean() > 0.9, "it counts the steps of each episode"
+
+
+def test_a_panel_of_players_whose_places_are_known_is_green(tmp_path, few_drawn):
+    path = tmp_path / "panel.json"
+    play_panel(PanelTask(SUITE, SHIPPED / "ppo_fast-state-laptop", path))
+    lines = {one["player"]: one for one in read_panel(path)}
+    assert len(lines) == 8 and all(one["right"] for one in lines.values()), lines
+    assert lines["planner (privileged)"]["drawn"] == 1 > lines["replay of the practice plans"]["drawn"]
 
 
 def test_another_policy_and_other_code_are_no_part_of_a_row(tmp_path):
@@ -239,6 +343,14 @@ def test_other_files_of_actions_are_no_part_of_a_row(tmp_path):
     write_actions(given, {"test": np.full((200, 3, 2), 0.5, np.float32)})
     with pytest.raises(RunFolderError, match="was made by other files than today's"):
         missing(config, method_of(config))
+
+
+@pytest.fixture
+def few_drawn(monkeypatch):
+    """Few levels are drawn, as many as this."""
+    for module in ("drawn", "panel"):
+        monkeypatch.setattr(f"experiments.benchmarking.{module}.LEVELS", 40)
+    return 40
 
 
 def test_a_method_from_outside_needs_a_name_and_methods_exclude_each_other(tmp_path):

@@ -12,6 +12,8 @@ from segar.errors import SuiteError
 from segar.language import Mass, Position
 from segar.levels import hash_of_levels
 from segar.suites import AXES, RULES, Suite, admission, freeze, read_suite
+from segar.suites.suite_file import ITERATIONS, SAMPLES, hash_of_plans
+from segar.suites.suite_names import DATA
 
 OWN = {
     "axis": "place",
@@ -49,10 +51,9 @@ def test_names_begin_with_their_axis_and_end_with_their_version():
 def test_a_suite_is_what_was_frozen(name):
     suite = suites.suite(name)
     assert isinstance(suite, Suite) and suite.name == name and suite.axis == name.split("-")[0]
-    assert len(suite.test_levels) == len(suite.plans) == 200
+    assert len(suite.test_levels) == 200 and suite.unsolved <= 20
     again = suite.test.sample(200 + suite.unsolved, seed=0, split="test")[suite.test_levels.provenance.indices]
     assert hash_of_levels(again) == hash_of_levels(suite.test_levels)
-    assert suite.plans.solved.all() and suite.unsolved <= 20
     assert suite.train.layout.slots == suite.test.layout.slots  # a state shows the same numbers in both
 
 
@@ -69,7 +70,9 @@ def test_plans_of_a_suite_of_ones_own_are_played_again(own):
 
 
 def test_an_unfit_suite_is_told(own):
-    unfit = dataclasses.replace(own[1], plans=dataclasses.replace(own[1].plans, solved=np.zeros(6, np.bool_)))
+    plans = dataclasses.replace(own[1].plans, solved=np.zeros(6, np.bool_))
+    hashes = {**own[1].hashes, "plans": hash_of_plans(plans)}
+    unfit = dataclasses.replace(own[1], find_plans=lambda: plans, hashes=hashes)
     assert not admission(unfit, plays=1).is_fit and admission(unfit, plays=1).planner == 0
 
 
@@ -109,8 +112,29 @@ def test_edited_levels_and_plans_are_refused_by_their_hashes(own, tmp_path):
         read_suite(path)
     path = copied(own[0], tmp_path)
     dataclasses.replace(own[1].plans, returns=own[1].plans.returns + 1).save(path.with_suffix(".plans.npz"))
-    with pytest.raises(SuiteError, match="the file of plans beside it is not what was frozen"):
-        read_suite(path)
+    with pytest.raises(SuiteError, match="the file of plans beside it, is not what was frozen"):
+        _ = read_suite(path).plans
+
+
+def test_plans_that_no_file_holds_are_found_again_to_the_bit(tmp_path):
+    options = {**OWN, "samples": SAMPLES, "iterations": ITERATIONS}
+    path = tmp_path / "mine-v1.toml"
+    made = freeze(path, train=segar.family("empty-medium"), test=segar.family("empty-hard"), **options)
+    before = made.plans
+    path.with_suffix(".plans.npz").unlink()
+    again = read_suite(path).plans
+    assert (again.actions == before.actions).all() and len(again) == 6
+    assert not [*DATA.glob("*.plans.npz")], "no plans are in the package"
+
+
+def test_a_training_side_has_the_training_levels_and_nothing_of_the_test():
+    of = suites.suite("look-far-v1")
+    side = of.training_side(3)
+    assert side.sample(3) == of.sample(3) and side.sample(4) == of.sample(4) and side.textures == of.textures[:1]
+    assert suites.side_options(side, "train", 3)["levels"] == of.sample(3)
+    assert not {"test", "test_levels", "plans", "find_plans", "unsolved"} & {*vars(side)}
+    with pytest.raises(SuiteError, match="side must be 'train', not 'test'"):
+        suites.side_options(side, "test", 3)
 
 
 @pytest.mark.parametrize(
