@@ -285,7 +285,7 @@ many suites:
 """
     needed = [[str(seeds), str(found.suites_needed(seeds) or f"more than {MOST_SUITES}")] for seeds in SEEDS]
     text += markdown(["seeds", "suites"], needed)
-    sd, means = found.components["run"] ** 0.5, part.groupby("suite")[DRAWN].mean().to_numpy()
+    sd, means = found.components["run"] ** 0.5, part.groupby("suite", dropna=False)[DRAWN].mean().to_numpy()
     covered = [
         [str(seeds), *(number(coverage(one, sd, seeds, LEVELS), 3) for one in ([0.1], [0.5], [0.9], means))]
         for seeds in SEEDS
@@ -300,7 +300,7 @@ many suites:
 def panel_table(panel: pd.DataFrame) -> str:
     """What the panel found, one line per player, and on which suites it is not as it must be."""
     lines = []
-    for player, part in panel.groupby("player", sort=False):
+    for player, part in panel.groupby("player", sort=False, dropna=False):
         wrong = ", ".join(f"**{one}**" for one in select(part, right=False)["suite"]) or "–"
         low, high = number(part["drawn"].min()), number(part["drawn"].max())
         lines.append([str(player), part["must"].iloc[0], number(part["drawn"].mean()), f"{low} to {high}", wrong])
