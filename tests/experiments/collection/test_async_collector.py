@@ -1,7 +1,6 @@
 """Collecting ahead: what the thread collects is what would be collected in turn, and nothing of it is lost by a restart."""
 
 import dataclasses
-from concurrent.futures import Executor, Future
 
 import pytest
 import torch
@@ -16,6 +15,7 @@ from experiments.settings import CURLConfig, DrACConfig, PPGConfig, PPOConfig
 from experiments.training.run import run
 from segar import family
 from segar.errors import ActionError
+from tests.experiments.conftest import Here
 from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
 
 LEVELS = family("tilesx1-hard").sample(10, seed=0)
@@ -32,15 +32,6 @@ KINDS = {
 BATCH = SMALL.num_envs * SMALL.num_steps
 
 
-class InTurn(Executor):
-    """Carries out what it is given before it returns."""
-
-    def submit(self, fn, /, *args, **kwargs):
-        done = Future()
-        done.set_result(fn(*args, **kwargs))
-        return done
-
-
 def learner(kind="state", seed=0, iterations=5):
     learns, config, observation = KINDS[kind]
     env = learns.make_env(LEVELS, config.num_envs, seed=seed, observation=observation)
@@ -54,7 +45,7 @@ def ppo_of(one):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_thread_collects_what_would_be_collected_in_turn(kind):
     ahead, in_turn = learner(kind), learner(kind)
-    ppo_of(in_turn).collector.executor = InTurn()
+    ppo_of(in_turn).collector.executor = Here()
     for _ in range(5):
         assert ahead.iterate() == in_turn.iterate()
     for a, b in zip(ahead.policy.parameters(), in_turn.policy.parameters(), strict=True):
