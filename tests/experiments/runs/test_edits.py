@@ -14,6 +14,7 @@ from experiments.settings import CHECKOUT
 from tests.experiments.short_runs import run_module
 from tests.waiting import until
 
+pytestmark = pytest.mark.slow
 STUDY = Path(__file__).parents[2] / "data" / "wind_study"
 SETTINGS = (
     "algorithm=mine", "levels.train=windlab.levels:windy", "task.name=windlab.tasks:slow_task",
@@ -81,7 +82,6 @@ def study(trained, tmp_path):
     return shutil.copytree(trained, tmp_path / "wind")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("file", "old", "new", "parts"), RELATED.values(), ids=RELATED)
 def test_a_finished_run_of_edited_code_is_refused_with_what_changed(study, file, old, new, parts):
     edit(study, file, old, new)
@@ -90,7 +90,6 @@ def test_a_finished_run_of_edited_code_is_refused_with_what_changed(study, file,
     assert f"finished before by other code than this: {parts} changed since" in done.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("file", "old", "new"), UNRELATED.values(), ids=UNRELATED)
 def test_an_edit_that_changes_nothing_is_not_noticed(study, file, old, new):
     edit(study, file, old, new)
@@ -99,7 +98,6 @@ def test_an_edit_that_changes_nothing_is_not_noticed(study, file, old, new):
     assert "finished before, nothing to do; " in done.stdout
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "data", [("scale.json", "2.0", "2.5"), ("weight.json", "3.0", "4.0"), ("late.py", "1.0", "2.0")]
 )
@@ -114,7 +112,6 @@ def test_an_interrupted_run_does_not_go_on_with_other_data(study, data):
     assert train(study, "stale=anew").returncode == 0
 
 
-@pytest.mark.slow
 def test_an_evaluation_says_which_data_are_others_and_what_it_replaces(study):
     run = next((study / "runs").glob("*/summary.json")).parent
     asked = (f"run={run}", "levels=test", "scores=false", "videos=none")
@@ -126,14 +123,12 @@ def test_an_evaluation_says_which_data_are_others_and_what_it_replaces(study):
     assert "is replaced" not in run_module("experiments.evaluate", *asked, cwd=study).stdout
 
 
-@pytest.mark.slow
 def test_another_setting_is_another_run(study):
     edit(study, "conf/algorithm/mine.yaml", "num_steps: 16", "num_steps: 32")
     assert train(study).returncode == 0
     assert len(list((study / "runs").glob("*/summary.json"))) == 2
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("moment", ["*/journal.jsonl", "*/summary.json"])
 def test_an_edit_during_a_multirun_is_never_recorded_as_what_was_executed(tmp_path, moment):
     folder = shutil.copytree(STUDY, tmp_path / "wind")
