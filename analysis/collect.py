@@ -59,7 +59,7 @@ class CollectConfig:
     """The results folder, and whether MLflow shows its experiments."""
 
     results: str  # a folder that experiments.reproduce made
-    tracking: bool = True  # show the experiments in MLflow, if the plan says so
+    tracking: bool = False  # show the experiments in the store of MLflow that the plan names; it may be of others
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def print_missing(plan: Mapping[str, Any], missing: pd.DataFrame, file: Path) ->
 
 def collect_tables(results: Path) -> None:
     """Makes the tables of a results folder: what ``experiments.reproduce`` calls, as the plug-in ``tables``."""
-    collect(CollectConfig(str(results)))
+    collect(CollectConfig(str(results), tracking=True))
 
 
 def read_plan(folder: Path) -> dict[str, Any]:

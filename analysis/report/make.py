@@ -35,7 +35,7 @@ class ReportConfig:
     out: str | None = None  # None: into that folder
     pdf: bool = False  # print the page into report.pdf, too, which takes Chromium
     only: tuple[str, ...] = ()  # names of figures: these alone are drawn, nothing else is made
-    tracking: bool = True  # show the report in MLflow, if the results have a plan that says so
+    tracking: bool = False  # show the report in the store of MLflow that the plan in the folder names
 
     @property
     def folder(self) -> Path:
@@ -66,7 +66,7 @@ class Report:
 
 def report_results(results: Path) -> None:
     """Makes the report of a results folder: what ``experiments.reproduce`` calls, as the plug-in ``report``."""
-    main(ReportConfig(str(results)))
+    main(ReportConfig(str(results), tracking=True))
 
 
 def main(config: ReportConfig) -> None:

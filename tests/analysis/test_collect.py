@@ -2,12 +2,13 @@
 
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.collect import CollectConfig, collect
+from analysis.collect import CollectConfig, collect, collect_tables
 from analysis.collected_rows import software
 from analysis.plotting.style import colours
 from experiments.reproduce import ReproduceConfig, write_plan
@@ -15,7 +16,7 @@ from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import make_plan
 from experiments.runs.executed_code import combined
 from experiments.runs.run_folder import EPISODE_SCHEMA, PROBES, SUMMARY, folder_path, write_json, write_rows
-from experiments.settings import RunFolderError, ScaleConfig, TrackingConfig
+from experiments.settings import RunFolderError, ScaleConfig, TrackingConfig, TrackingError
 from tests.synthetic_runs import MADE_WITH, episodes, settings, write_run
 
 SCALE = ScaleConfig(name="smoke", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
@@ -178,6 +179,19 @@ def test_a_folder_without_a_plan_is_refused(tmp_path):
         collect(CollectConfig(str(tmp_path)))
 
 
+def test_tables_of_others_do_not_choose_where_anything_is_sent(made, tmp_path):
+    """Nor where a file of MLflow's is made: what a plan names counts where the caller asks for it, as a reproduction does."""
+    results = shutil.copytree(made[0].folder, tmp_path / "theirs")
+    plan = json.loads((results / "plan.json").read_text())
+    plan["tracking"] = {"name": "mlflow", "uri": f"sqlite:///{tmp_path}/of_mine.db", "experiment": "theirs"}
+    (results / "plan.json").write_text(json.dumps(plan))
+    collect(CollectConfig(str(results)))
+    assert not (tmp_path / "of_mine.db").exists()
+    (tmp_path / "of_mine.db").mkdir()
+    with pytest.raises(TrackingError):
+        collect_tables(results)
+
+
 def test_mlflow_has_a_parent_per_experiment_and_its_runs_as_children(tmp_path):
     from experiments.tracking.mlflow_store import open_store
     from experiments.tracking.mlflow_sync import RunSync
@@ -191,7 +205,7 @@ def test_mlflow_has_a_parent_per_experiment_and_its_runs_as_children(tmp_path):
     for work in plan.runs:
         RunSync(work.run, tmp_path / work.run.label()).open()
     for _ in range(2):  # the second time, nothing is made anew
-        collect(CollectConfig(str(config.folder)))
+        collect(CollectConfig(str(config.folder), tracking=True))
     client, experiment = open_store(tracking, tmp_path)
     runs = client.search_runs([experiment])
     parents = {one.data.tags["experiments"]: one for one in runs if one.data.tags.get("kind") == "experiment"}

@@ -245,8 +245,8 @@ def test_mlflow_gets_the_numbers_and_the_files_once(tmp_path, undrawn):
     folder = write_results(tmp_path / "quick-1", {"runs": few_runs()})
     tracking = {"name": "mlflow", "uri": None, "experiment": "segar"}
     (folder / "plan.json").write_text(json.dumps({"scale": "quick", "runs": str(tmp_path), "tracking": tracking}))
-    report = make_report(ReportConfig(str(folder)))
-    track(folder, report)
+    track(folder, make_report(ReportConfig(str(folder))))
+    report = make_report(ReportConfig(str(folder), tracking=True))  # which replaces the run
     client, experiment = open_store(TrackingConfig(**tracking), tmp_path)
     (run,) = client.search_runs([experiment], "tags.kind = 'report'")
     assert run.data.metrics["runs"] == 15
