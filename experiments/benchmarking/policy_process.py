@@ -6,6 +6,7 @@ batch at a time; a pipe says when there are some.
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import traceback
 from collections.abc import Mapping, Sequence
@@ -66,7 +67,11 @@ class PolicyProcess:
         self._process = context.Process(target=_serve, args=(theirs, name, side, spaces, memory))
         self._process.start()
         theirs.close()
-        self.code: Mapping[str, str] = self._answer()
+        try:
+            self.code: Mapping[str, str] = self._answer()
+        except BaseException:
+            self.close()
+            raise
 
     def begin(self, env: VectorEnv) -> None:
         """Episodes start in ``env``, of which the policy is told how many there are."""
@@ -100,6 +105,7 @@ class PolicyProcess:
         self._answer()
 
     def _answer(self) -> Any:
+        """What the process answers: JSON, because a policy could send a pickle of its own."""
         try:
             if not self._connection.poll(self.seconds):
                 self._process.kill()
@@ -107,14 +113,13 @@ class PolicyProcess:
                     f"policy: {self.name} gave no answer within {self.seconds:g} s, and its process was ended. policy_seconds=N"
                     " waits longer"
                 )
-            answer, problem = self._connection.recv()
+            answer, problem = json.loads(self._connection.recv_bytes())
         except (EOFError, OSError):
-            self.close()
+            self._process.join(END)
             raise TrainingError(
                 f"policy: the process of {self.name} ended by itself, with exit code {self._process.exitcode}"
             ) from None
         if problem:
-            self.close()
             raise ConfigError(f"policy: {self.name}: {problem}")
         return answer
 
@@ -123,11 +128,15 @@ def _serve(
     connection: Connection, name: str, side: TrainingSide, spaces: Sequence[gymnasium.Space[Any]], memory: Sequence[Any]
 ) -> None:
     """What the process does: make the policy, and act until the other end is closed."""
+
+    def tell(answer: Any, problem: str) -> None:
+        connection.send_bytes(json.dumps([answer, problem]).encode())
+
     hide_tests()
     observed, acted = (read_from_shared_memory(*one, ROWS) for one in zip(spaces, memory, strict=True))
     try:
         policy, code = _made(name, side)
-        connection.send((code, ""))
+        tell(code, "")
         episodes = Episodes(0, side.task, *spaces)
         while True:
             what, n = connection.recv()
@@ -136,14 +145,12 @@ def _serve(
                 begin_policy(policy, episodes)
             else:
                 acted[:n] = checked_actions(policy(_copied(observed, n)), episodes)
-            connection.send((None, ""))
+            tell(None, "")
     except EOFError:
         pass
     except Exception as error:  # the other end tells of it
         traceback.print_exc()
-        connection.send(
-            (None, f"{type(error).__name__}: {error}" if not isinstance(error, ConfigError) else str(error))
-        )
+        tell(None, str(error) if isinstance(error, ConfigError) else f"{type(error).__name__}: {error}")
 
 
 def _made(name: str, side: TrainingSide) -> tuple[Any, Mapping[str, str]]:
