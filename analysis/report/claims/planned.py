@@ -2,6 +2,8 @@
 
 import math
 import re
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
@@ -29,7 +31,7 @@ def planned_of(name: str, evidence: Evidence) -> Planned:
         harder = lacking["difficulty"].map(HARDER.get)
         own = lacking["test_family"].isna() | (lacking["test_family"] == lacking["family"])
         own &= lacking["test_difficulty"].isna() | (lacking["test_difficulty"] == harder)
-        lacking = lacking[harder.notna() & own]
+        lacking = keep(lacking, harder.notna() & own)
     both = pd.concat([there, lacking]) if len(there) else there  # a family may be missing whole
     tests = [one.where for settings in METRICS for one in stated(name, settings, both)] if len(both) else [{}]
     present, missing = (runs_of(table, tests) for table in (there, lacking))
@@ -53,7 +55,7 @@ def missing_for(evidence: Evidence, of: str) -> pd.DataFrame:
     return found.assign(panel=found["family"] + "-" + found["difficulty"])
 
 
-def runs_of(table: pd.DataFrame, tests: list) -> set[str]:
+def runs_of(table: pd.DataFrame, tests: Sequence[Mapping[str, Any]]) -> set[str]:
     """The names of the runs that any of the tests is about, as far as the columns of the table tell."""
     parts = [restricted(table, {key: value for key, value in one.items() if key in table}) for one in tests]
     return {str(run) for part in parts if len(part) for run in part["run"]}
