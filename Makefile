@@ -18,6 +18,7 @@
 #   make site                     the documentation as a website, in build/site
 #   make serve-site               opens it for a browser on 127.0.0.1; PORT=8000
 #   make lint                     ruff, pyright, oxlint
+#   make dist                     sdist and wheel in dist/, checked; TAG=v0.3.0 says which version it must be
 #   make clean                    caches and build products; keeps .venv and all results
 
 PYTHON ?= python3
@@ -41,7 +42,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-docs check-results test-processors test-oldest test-newest test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
+.PHONY: help setup test test-docs check-results test-processors test-oldest test-newest test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site dist clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -147,6 +148,14 @@ site: $(SUITE_PAGES)
 
 serve-site: site
 	$(PY) -m http.server --bind 127.0.0.1 --directory build/site $(PORT)
+
+dist: $(STAMP)
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt --editable ".[release]"
+	rm -rf dist
+	$(PY) -m hatchling build --directory dist
+	$(PY) -m twine check --strict dist/*
+	@[ -z "$(TAG)" ] || [ -e "dist/segar-$(TAG:v%=%).tar.gz" ] || { \
+		echo "The tag $(TAG) is not the version in segar/support/version.py: $$(ls dist)" >&2; exit 1; }
 
 clean:
 	rm -rf build dist .pytest_cache .ruff_cache .hypothesis *.egg-info
