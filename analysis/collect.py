@@ -100,7 +100,7 @@ def collect(config: CollectConfig) -> Collected:
         f"{folder / RUNS}: {counted(len(found.runs), 'run')}; {TRANSFERS}: {counted(len(found.transfers), 'transfer')}"
     )
     if not found.probes.empty:
-        print(f"{PROBES}: what the probes say of {counted(found.probes['run'].nunique(), 'run')}")
+        print(f"{PROBES}: what the probes say of {counted(len(set(found.probes['run'])), 'run')}")
     print_missing(plan, found.missing, folder / MISSING)
     if config.tracking and plan["tracking"]["name"] != "none":
         from analysis.experiment_runs import show_experiments
@@ -193,7 +193,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
         joined[name] = sort_rows(joined[name])
     lacking = pd.DataFrame(missing, columns=["run", "reason", "name"])
     titles = {one["name"]: one["title"] for one in plan["experiments"]}
-    return Collected(**joined, missing=lacking.assign(experiment=lacking["name"].map(titles)))
+    return Collected(**joined, missing=lacking.assign(experiment=[titles.get(name) for name in lacking["name"]]))
 
 
 def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:

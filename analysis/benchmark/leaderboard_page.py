@@ -4,6 +4,7 @@ import html
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
@@ -190,9 +191,8 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
     lines = []
     for name in sorted(select(overall, quantity=DRAWN)["row"], key=lambda one: (found.get(one, last), one)):
         own = {quantity: lines_of.get((quantity, name)) for quantity in (DRAWN, TIME, "practice_minus_drawn", "score")}
-        drawn, time, apart, score = (
-            own[one] or dict.fromkeys(("estimate", "low", "suites_low"), float("nan")) for one in own
-        )
+        unknown: Mapping[str, Any] = dict.fromkeys(("estimate", "low", "suites_low"), float("nan"))
+        drawn, time, apart, score = (own[one] or unknown for one in own)
         shown = [interval(drawn), over_suites(drawn), interval(time)]
         shown += [f"{number(apart['estimate'])} {over_suites(apart)}", number(score["estimate"]), str(drawn["seeds"])]
         lines.append(
@@ -285,7 +285,10 @@ many suites:
 """
     needed = [[str(seeds), str(found.suites_needed(seeds) or f"more than {MOST_SUITES}")] for seeds in SEEDS]
     text += markdown(["seeds", "suites"], needed)
-    sd, means = found.components["run"] ** 0.5, part.groupby("suite", dropna=False)[DRAWN].mean().to_numpy()
+    sd, means = (
+        found.components["run"] ** 0.5,
+        [float(one[DRAWN].to_numpy().mean()) for _, one in part.groupby("suite", dropna=False)],
+    )
     covered = [
         [str(seeds), *(number(coverage(one, sd, seeds, LEVELS), 3) for one in ([0.1], [0.5], [0.9], means))]
         for seeds in SEEDS
@@ -302,8 +305,9 @@ def panel_table(panel: pd.DataFrame) -> str:
     lines = []
     for player, part in panel.groupby("player", sort=False, dropna=False):
         wrong = ", ".join(f"**{one}**" for one in select(part, right=False)["suite"]) or "–"
-        low, high = number(part["drawn"].min()), number(part["drawn"].max())
-        lines.append([str(player), part["must"].iloc[0], number(part["drawn"].mean()), f"{low} to {high}", wrong])
+        drawn = part["drawn"].to_numpy()
+        low, high = number(drawn.min()), number(drawn.max())
+        lines.append([str(player), part["must"].iloc[0], number(drawn.mean()), f"{low} to {high}", wrong])
     return markdown(["player", "must", "success above chance", "on suites", "red"], lines, texts=2)
 
 

@@ -157,7 +157,9 @@ def leaderboard(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> pd.
         members = [name for name in names if quantity != EFFECT or name in set(known["suite"])]
         for row, part in complete(known, members).groupby("row", dropna=False):
             over_seeds, over_suites = (
-                mean_of_replicates(part.groupby(by, dropna=False)[quantity].mean().to_numpy())
+                mean_of_replicates(
+                    [float(one[quantity].to_numpy().mean()) for _, one in part.groupby(by, dropna=False)]
+                )
                 for by in ("seed", "suite")
             )
             line = {"quantity": quantity, "axis": axis, "row": row, "seeds": over_seeds.n}
@@ -185,6 +187,6 @@ def beats_chance(table: pd.DataFrame, name: str) -> bool:
     """Whether a learner solves more of a suite than random play does: Student's interval over its seeds is above 0."""
     own = keep(table, (table["suite"] == name) & ~table["row"].isin(list(PLAYERS)))
     values = [
-        part[DRAWN if part[DRAWN].notna().any() else PRACTICE].dropna() for _, part in own.groupby("row", dropna=False)
+        part[DRAWN if len(part[DRAWN].dropna()) else PRACTICE].dropna() for _, part in own.groupby("row", dropna=False)
     ]
     return any(mean_of_replicates(one.to_numpy()).low > 0 for one in values)

@@ -31,7 +31,7 @@ def places(values: pd.DataFrame) -> dict[Any, tuple[int, int]]:
         values: one number per seed (lines) and row (columns), NaN where there is none. Rows with fewer than
             :data:`FEWEST_SEEDS` have no place.
     """
-    names = [name for name in values.columns if values[name].count() >= FEWEST_SEEDS]
+    names = [name for name in values.columns if len(values[name].dropna()) >= FEWEST_SEEDS]
     pairs = list(combinations(names, 2))
     apart = [(values[a] - values[b]).dropna() for a, b in pairs]
     found = [mean_of_replicates(one.to_numpy(), 0.0, 2) for one in apart]
@@ -83,7 +83,7 @@ class Generalizability:
 def generalizability(table: pd.DataFrame, value: str, method: str, suite: str, seed: str) -> Generalizability | None:
     """The variance components of a table with one line for each method, suite and seed, by the mean squares of its analysis of
     variance; None where there are not two of each, or where some have no line."""
-    counts = [table[one].nunique() for one in (method, suite, seed)]
+    counts = [len(set(table[one])) for one in (method, suite, seed)]
     methods, suites, seeds = counts
     if min(counts) < 2 or len(table) != methods * suites * seeds:
         return None

@@ -175,7 +175,7 @@ def matrices(table: pd.DataFrame, score: str, by: str, task: Sequence[str], run:
     require(table, score, by, run, *task)
     found: dict[Any, Scores] = {}
     whose, tasks, _ = (keys(table, names) for names in ((by,), task, (run,)))
-    for _, part in table.assign(task=tasks).groupby(whose):
+    for _, part in table.assign(task=tasks).groupby(whose, dropna=False):
         name = part[by].iloc[0]
         wide = part.pivot_table(score, run, "task", aggfunc=list, dropna=False)
         ragged = [(r, t) for r, row in wide.iterrows() for t, v in row.items() if not isinstance(v, list) or len(v) > 1]

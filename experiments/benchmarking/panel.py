@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from gymnasium.spaces import Box
 
 from experiments.benchmarking.drawn import LEVELS, draw, drawn_of, play_on
 from experiments.benchmarking.level_sets import number_of_levels
@@ -50,7 +51,7 @@ def play_panel(task: PanelTask) -> dict[str, float]:
     most = WIDTH * (chance * (1 - chance) * (1 + 1 / RANDOM_PLAYS) / LEVELS) ** 0.5 / (planner - chance)
     lines = []
 
-    def add(player: str, must: str, value: float, is_right: bool) -> None:
+    def add(player: str, must: str, value: float, is_right: Any) -> None:
         lines.append({"player": player, "must": must, "suite": of.name, "drawn": value, "right": bool(is_right)})
 
     practised = play_on(of.test_levels, RecordedActions(of.plans.actions), **options).success.all()
@@ -90,7 +91,7 @@ class Noisy:
         self.policy = policy
 
     def begin(self, env: VectorEnv) -> None:
-        self.rng, self.space = np.random.default_rng(SEED), env.single_action_space
+        self.rng, self.space = np.random.default_rng(SEED), cast(Box, env.single_action_space)
         self.policy.begin(env)
 
     def __call__(self, observations: Any) -> np.ndarray:

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -62,7 +62,7 @@ class PolicyProcess:
         context = multiprocessing.get_context("spawn")
         spaces = env.single_observation_space, env.single_action_space
         memory = [create_shared_memory(space, ROWS, context) for space in spaces]
-        self._observed, self._acted = (read_from_shared_memory(*one, ROWS) for one in zip(spaces, memory, strict=True))
+        self._observed, self._acted = _arrays_of(spaces, memory)
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, name, side, spaces, memory))
         self._process.start()
@@ -133,18 +133,18 @@ def _serve(
         connection.send_bytes(json.dumps([answer, problem]).encode())
 
     hide_tests()
-    observed, acted = (read_from_shared_memory(*one, ROWS) for one in zip(spaces, memory, strict=True))
+    observed, acted = _arrays_of(spaces, memory)
     try:
         policy, code = _made(name, side)
         tell(code, "")
-        episodes = Episodes(0, side.task, *spaces)
+        episodes = Episodes(0, side.task, spaces[0], spaces[1])
         while True:
             what, n = connection.recv()
             if what == "begin":
-                episodes = Episodes(n, side.task, *spaces)
+                episodes = Episodes(n, side.task, spaces[0], spaces[1])
                 begin_policy(policy, episodes)
             else:
-                acted[:n] = checked_actions(policy(_copied(observed, n)), episodes)
+                acted[:n] = checked_actions(policy(_copied(observed, n)), cast(VectorEnv, episodes))
             tell(None, "")
     except EOFError:
         pass
@@ -164,6 +164,12 @@ def _made(name: str, side: TrainingSide) -> tuple[Any, Mapping[str, str]]:
             f" {'returns ' + type(made).__name__ if callable(make) else 'is ' + type(make).__name__}"
         )
     return made, code_after(code, print)
+
+
+def _arrays_of(spaces: Sequence[gymnasium.Space[Any]], memory: Sequence[Any]) -> tuple[Any, Any]:
+    """The observations and the actions that lie in shared memory."""
+    observed, acted = (read_from_shared_memory(*one, ROWS) for one in zip(spaces, memory, strict=True))
+    return observed, acted
 
 
 def _arrays(observations: Any) -> list[np.ndarray]:

@@ -307,8 +307,8 @@ def measure_speeds(root: Path) -> Speeds:
             begun, ended = (datetime.fromisoformat(entry["time"]) for entry in journal)
             frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
             beside.setdefault(kind, []).append(max((ended - begun).total_seconds() - summary["seconds"], 0.0))
-    medians = ({kind: statistics.median(values) for kind, values in found.items()} for found in (frames, beside))
-    return Speeds(*medians, sum(map(len, frames.values())))
+    by_kind = [{kind: statistics.median(values) for kind, values in found.items()} for found in (frames, beside)]
+    return Speeds(by_kind[0], by_kind[1], sum(map(len, frames.values())))
 
 
 def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: ScaleConfig) -> str:

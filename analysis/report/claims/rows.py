@@ -91,7 +91,10 @@ def matched_states(evidence: Evidence) -> pd.DataFrame:
     if runs.empty or LESS_REGRET not in runs:
         return runs.head(0)
     like, cell = select(runs, design="matched"), ["family", "n"]
-    means = like.groupby(cell)[LESS_REGRET].mean().rename("usual").reset_index()
+    means = pd.DataFrame(
+        [(family, n, part[LESS_REGRET].mean()) for (family, n), part in like.groupby(cell, dropna=False)],  # type: ignore[misc]
+        columns=[*cell, "usual"],
+    )
     runs = runs.merge(means, on=cell)
     return runs.assign(relative_regret=runs[LESS_REGRET] / runs["usual"])
 

@@ -138,7 +138,7 @@ def specification_curves(evidence: Evidence) -> Drawn | str:
         axes, part = grid[name], select(table, claim=name).sort_values("estimate", ignore_index=True)
         axes.axvline(0, color="#999999", linewidth=0.8)
         order = list(dict.fromkeys([*select(part, runs=ALL_COUNTS)["choice"], *part["choice"]]))
-        for (outcome, runs), rows_of in part.groupby(["outcome", "runs"]):  # type: ignore[misc]
+        for (outcome, runs), rows_of in part.groupby(["outcome", "runs"], dropna=False):  # type: ignore[misc]
             at = [order.index(one) + 0.3 * (runs != ALL_COUNTS) for one in rows_of["choice"]]
             look = {"fmt": "o", "color": colours[str(outcome)], "capsize": 2, "markersize": 4}
             look |= {"mfc": "white"} if runs != ALL_COUNTS else {}
