@@ -63,8 +63,8 @@ def draw_grades(means: Sequence[Mapping[str, Any]], path: str) -> None:
     Raises:
         SegarError: as :func:`draw_marginals`.
     """
-    figure = _new_figure(path, 2.2 * PANEL, 1.6 * PANEL)
-    axis = figure.subplots()
+    figure = _new_figure(path, 2.8 * PANEL, 1.6 * PANEL)
+    axis, budgets = figure.subplots(), sorted({row["budget"] for row in means})
     for k, name in enumerate(dict.fromkeys(row["baseline"] for row in means)):
         own = [row for row in means if row["baseline"] == name]
         score, low, high = (np.array([row[column] for row in own]) for column in ("score", "low", "high"))
@@ -72,10 +72,12 @@ def draw_grades(means: Sequence[Mapping[str, Any]], path: str) -> None:
         style = {"linestyle": "--" if "passive" in name else "-", "marker": "o", "markersize": 3, "capsize": 2}
         axis.errorbar(at, score, np.nan_to_num([score - low, high - score]), label=name, **style)
     axis.set_xscale("log")
+    axis.set_xticks(budgets, map(str, budgets))
+    axis.set_xticks([], minor=True)
     axis.set_xlabel("budget [steps]")
     axis.set_ylabel("score, mean of hidden worlds, 95 %")
     axis.set_ylim(-0.05, 1.05)
-    axis.legend(fontsize=7, frameon=False)
+    axis.legend(fontsize=7, frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     _save(figure, path)
 
 
