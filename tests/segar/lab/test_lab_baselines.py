@@ -11,7 +11,10 @@ from segar import cli
 from segar.errors import SegarError
 from segar.lab import Grader, Lab, Session, baselines, grade_baselines
 from segar.lab.laws import law_in
+from tests.places import ROOT
 from tests.segar.lab.conftest import DISTRIBUTION, SPACE
+
+TABLE = ROOT / "docs/results/lab/grades.csv"
 
 
 @pytest.fixture(autouse=True)
@@ -75,3 +78,20 @@ def test_searches_beat_the_nearest_draw(lab, grader, monkeypatch):
         scores[name] = np.mean([grade.score.value for grade in grader.grades(laws)])
         assert [session.left for session in sessions] == [0, 0, 0]
     assert min(scores["evolution"], scores["sequential"]) > scores["nearest of 1,000"] + 0.1
+
+
+@pytest.mark.results
+def test_the_page_says_what_the_published_table_gives(tmp_path, capsys):
+    assert cli.main(["lab", "figure", str(TABLE), "-o", str(tmp_path / "grades.png"), "--json"]) == 0
+    found, page = json.loads(capsys.readouterr().out), (ROOT / "docs/how-to/find-the-law.md").read_text()
+    assert {row["worlds"] for row in found["means"]} == {30}
+    for name in baselines.BASELINES:
+        cells = [row for row in found["means"] if row["baseline"] == name]
+        shown = [f"{row['score']:.2f}" + _interval(row["low"], row["high"]) for row in cells]
+        assert f"| {name} | {' | '.join(shown)} |" in page
+    for budget, (gain, low, high) in found["active_minus_passive"].items():
+        assert f"{gain:.2f}{_interval(low, high)} at {budget}" in " ".join(page.split())
+
+
+def _interval(low, high):
+    return "" if low is None else f" [{low:.2f}, {high:.2f}]"
