@@ -10,6 +10,7 @@ import pytest
 # Tests run side by side, and threads of BLAS that wait for each other spin: with as many of them as processors, small
 # matrices take ten times as long. This must be said before numpy is loaded.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.pop("COLUMNS", None)  # pytest-xdist says 80, where nothing is a terminal
 
 from hypothesis import HealthCheck, settings
 

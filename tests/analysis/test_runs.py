@@ -154,7 +154,7 @@ def test_runs_are_read_with_their_settings_figures_and_errors(folder):
         "w2_exact", "gap_deterministic", "levels.count"
     ]  # fmt: skip
     text = summary_text(as_columns(run_rows([folder])))
-    assert "1 of 5 runs are not finished" in text
+    assert "not counted: 1 of 5 runs;" in text
     with pytest.raises(RunFolderError, match="there is no run of the sweep mine in"):
         read_runs(folder, sweep="mine")
     with pytest.raises(SegarError, match=r"the runs have no column 'gab'\."):

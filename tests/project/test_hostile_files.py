@@ -180,7 +180,11 @@ def test_a_row_of_the_benchmark_runs_nothing(tmp_path, monkeypatch):
     (tmp_path / "row").mkdir()
     path = tmp_path / "row" / ROW
     data = json.loads((SHIPPED / "ppo_fast-state-laptop" / ROW).read_text())
-    data |= {"pieces": data["pieces"][:1], "files": {"episodes.parquet": "0"}}
+    data |= {
+        "pieces": data["pieces"][:1],
+        "files": {"episodes.parquet": "0"},
+        "drawn": [data["drawn"][0] | {"file": ""}],
+    }
     data["pieces"][0]["levels"] = {side: data["pieces"][0]["levels"][side] for side in ("train", "test")}
     data["made_with"] = [{"python": "3", "code": {"my_lab/learner.py": "0"}}]
     data["settings"]["algorithm"] = {"kind": "ppo", "name": "ppo", "encoder": "impala"}

@@ -168,11 +168,11 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
             columns = {"suite": [of.name] * 2, "seed": [seed] * 2, "levels": ["test"] * 2, "level": [0, 1]}
             played = {"return": [0.5, 0.6], "length": [3, 4], "success": [True, False], "death": [False, False]}
             new.append(NewPiece(Piece(of.name, of.hash, seed, levels), pa.table(columns | played, EPISODES), None))
-            solved = 600 - 150 * k + 7 * seed
+            solved = 600 - 150 * k + 7 * (k + 1) * seed
             drawn.append(Drawn(of.name, seed, "", "0" * 16, 1000, solved, 500, 1000, 3000, 2000, "0"))
         row = add_pieces(rows / name, Method(name, "player", "planted"), new)
         if name != "recorded":
-            write_drawn(row, drawn)
+            write_drawn(row, sorted(drawn, key=lambda one: (one.suite, one.seed)))
     found = figures_of(rows_in([rows]), pd.DataFrame(columns=["row", "suite", "seed", "group", "differs", "effect"]))
     assert places_of(found, CORE[:3]) == {"ahead": (1, 1), "behind": (2, 2)}
     assert found.loc[found["row"] == "ahead", DRAWN].iloc[0] == pytest.approx((0.607 - 0.1) / 0.9)

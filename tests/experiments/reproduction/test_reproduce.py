@@ -143,7 +143,7 @@ def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, cap
     with pytest.raises(TrainingError, match="1 of 4 failed"):
         reproduce(config, train_but_for_one)
     said = capfd.readouterr().out
-    assert f"3 runs and 0 transfers are in {config.folder / 'runs.parquet'}" in said
+    assert f"{config.folder / 'runs.parquet'}: 3 runs; transfers.parquet: 0 transfers" in said
     assert "missing: empty-hard-n10-state-ppo-s1-" in said and ": not begun" in said
     assert "In the report: 3 runs. Missing, runs or tests: 1." in said
     for name in (

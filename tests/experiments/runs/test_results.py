@@ -67,7 +67,7 @@ def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path,
     assert "failed after 128 frames" in lines[1]
     assert lines[2:] == [f"computed with {computed_with(read_versions(tmp_path / 'a'))}"]
     assert any(line.startswith("b: Killed") for line in said)
-    assert "1 of 2 runs are not finished and do not count" in said[-1]
+    assert "not counted: 1 of 2 runs;" in said[-1]
 
 
 def test_the_table_says_of_each_run_what_it_was_computed_with_where_that_differs(tmp_path):

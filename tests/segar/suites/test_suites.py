@@ -131,7 +131,7 @@ def test_a_training_side_has_the_training_levels_and_nothing_of_the_test():
     of = suites.suite("look-far-v1")
     side = of.training_side(3)
     assert side.sample(3) == of.sample(3) and side.sample(4) == of.sample(4) and side.textures == of.textures[:1]
-    assert suites.side_options(side, "train", 3)["levels"] == of.sample(3)
+    assert suites.side_options(side, "train", 3, observation="rgb")["levels"] == of.sample(3)
     assert not {"test", "test_levels", "plans", "find_plans", "unsolved"} & {*vars(side)}
     with pytest.raises(SuiteError, match="side must be 'train', not 'test'"):
         suites.side_options(side, "test", 3)
