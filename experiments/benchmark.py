@@ -353,7 +353,7 @@ def draw_row(config: BenchmarkConfig, row: Row) -> None:
 
 def make_panel(config: BenchmarkConfig) -> None:
     """Plays the panel on each suite, prints it, and makes the page beside it; raises :class:`TrainingError` where it is red."""
-    rows = [path.parent for place in config.places for path in sorted(place.glob(f"*/{ROW}"))]
+    rows = [read_row(path.parent) for place in config.places for path in sorted(place.glob(f"*/{ROW}"))]
     chosen = config.chosen_suites()
     place = runs_root(config.run) / f"{ROWS}_panel"
     tasks = [PanelTask(name, network_for(name, rows), place / f"{name}.json") for name in chosen]

@@ -19,7 +19,7 @@ from analysis.benchmark.scores import (
     learners_on,
     places_of,
 )
-from analysis.stats.ranking import FEWEST_SEEDS, MOST_SUITES, coverage, generalizability
+from analysis.stats.ranking import FEWEST_SEEDS, MOST_SUITES, Generalizability, coverage, generalizability
 from analysis.tables import mean_by, select
 from experiments.benchmarking.drawn import LEVELS
 from experiments.benchmarking.protocol import BUDGETS, REFERENCES
@@ -55,8 +55,10 @@ def page_text(
 ) -> str:
     """The page in Markdown."""
     overall = suites[OVERALL]
+    learners = learners_on(table, overall)
+    repeated = generalizability(learners, DRAWN, "row", "suite", "seed")
     parts = [HEAD.format(plays=RANDOM_PLAYS, levels=LEVELS, **{one: BUDGETS[one] for one in ("laptop", "server")})]
-    parts += [ranking_text(table, overall), "## All suites\n", overall_table(rows, table, board, overall)]
+    parts += [ranking_text(repeated), "## All suites\n", overall_table(rows, table, board, overall)]
     parts += ["## Practice test only\n", PRACTICE_ONLY, practice_table(rows, board), chance_text(table, suites)]
     if panel is not None:
         parts += ["## Panel\n", PANEL, panel_table(panel)]
@@ -69,7 +71,7 @@ def page_text(
         f"{WORDS_OF[one]}; in brackets, how many suites there are:\n\n{axes_table(select(board, quantity=one), suites)}"
         for one in WORDS_OF
     ]
-    parts += ["## Would other seeds and suites say the same?\n", repetition_text(table, overall)]
+    parts += ["## Would other seeds and suites say the same?\n", repetition_text(learners, repeated)]
     parts += ["## What failures come from\n", CAUSES, causes_text(causes, suites)]
     parts += ["## Suite by suite\n", SUITES, *suite_tables(table, suites)]
     parts += ["## Rows\n", rows_table(rows), HOW_TO]
@@ -161,9 +163,8 @@ def over_suites(line: Mapping[str, float]) -> str:
     return "–" if pd.isna(line["suites_low"]) else f"[{number(line['suites_low'])}, {number(line['suites_high'])}]"
 
 
-def ranking_text(table: pd.DataFrame, suites: Sequence[str]) -> str:
+def ranking_text(found: Generalizability | None) -> str:
     """What the page says first where its ranking is none."""
-    found = generalizability(learners_on(table, suites), DRAWN, "row", "suite", "seed")
     if found is None:
         return "**These rows do not rank methods:** two learners with drawn levels on all suites are needed.\n"
     one, few = found.coefficient, found.seeds < FEWEST_SEEDS
@@ -266,10 +267,8 @@ def chance_text(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str
     return f"No learner solves more levels than random play does on: {', '.join(lost)}. These suites count like all others.\n"
 
 
-def repetition_text(table: pd.DataFrame, suites: Sequence[str]) -> str:
+def repetition_text(learners: pd.DataFrame, found: Generalizability | None) -> str:
     """Variance components, how many seeds and suites name the winner, and how often intervals hold the truth."""
-    part = learners_on(table, suites)
-    found = generalizability(part, DRAWN, "row", "suite", "seed")
     if found is None:
         return "Two learners with drawn levels on all suites, and two seeds, are needed for this.\n"
     whole = sum(found.components.values())
@@ -285,10 +284,8 @@ many suites:
 """
     needed = [[str(seeds), str(found.suites_needed(seeds) or f"more than {MOST_SUITES}")] for seeds in SEEDS]
     text += markdown(["seeds", "suites"], needed)
-    sd, means = (
-        found.components["run"] ** 0.5,
-        [float(one[DRAWN].to_numpy().mean()) for _, one in part.groupby("suite", dropna=False)],
-    )
+    sd = found.components["run"] ** 0.5
+    means = [float(one[DRAWN].to_numpy().mean()) for _, one in learners.groupby("suite", dropna=False)]
     covered = [
         [str(seeds), *(number(coverage(one, sd, seeds, LEVELS), 3) for one in ([0.1], [0.5], [0.9], means))]
         for seeds in SEEDS
@@ -296,7 +293,7 @@ many suites:
     head = ["seeds", "one suite, success 0.1", "0.5", "0.9", "mean of the suites"]
     return (
         f"{text}\nHow often intervals of 95 % over seeds hold the truth, in planted tables with this variance between runs:\n\n"
-        + (markdown(head, covered))
+        + markdown(head, covered)
     )
 
 

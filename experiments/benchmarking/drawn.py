@@ -14,17 +14,18 @@ from typing import Any
 import numpy as np
 
 from experiments.benchmarking.level_sets import number_of_levels
-from experiments.benchmarking.playing import SEED, options_of, read_actions
+from experiments.benchmarking.playing import SEED, options_of, play_each, read_actions
 from experiments.benchmarking.policy_process import SECONDS, PolicyProcess
 from experiments.benchmarking.row import RANDOM_PLAYS, Drawn, Method, Piece
 from experiments.runs.files import read_json, write_text
-from experiments.settings import ConfigError
+from experiments.settings import ConfigError, RunFolderError
 from segar.envs import Policy, VectorEnv
-from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scripted, play_episodes, record_actions
+from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scripted, record_actions
 from segar.hardness import Plan, plan
 from segar.levels import Levels, hash_of_levels
 from segar.policies import Network, NetworkPolicy
 from segar.suites import Suite, suite
+from segar.support import sha256_of
 
 LEVELS = 1000  # of each suite with each seed
 SAMPLES, ITERATIONS = 32, 4  # of the planner's search
@@ -81,8 +82,7 @@ def draw(of: Suite, commitment: str, seed: int, train: Levels, salt: str = "") -
     digest = hashlib.sha256(f"{commitment}/{of.name}/{seed}/{salt}".encode()).digest()
     number = int.from_bytes(digest[:8], "big") >> 1
     levels = of.test.sample(LEVELS, seed=number, split="drawn", apart_from=train)
-    rows = np.tile(np.arange(LEVELS), RANDOM_PLAYS)
-    random = play_episodes(levels, rows, Random(number), seed=SEED, task=of.task).success
+    random = play_each(levels, Random(number), {"task": of.task}, RANDOM_PLAYS).success
     rng = np.random.default_rng(number)
     return Draw(
         levels, number, int(random.sum()), plan(levels, of.task, rng=rng, samples=SAMPLES, iterations=ITERATIONS)
@@ -105,13 +105,8 @@ def play_drawn(
     train = of.sample(piece.seed, number_of_levels(method))
     given = draw(of, commitment, piece.seed, train, salt)
     with _acting(method, of, piece, file, train, given, seconds) as (policy, options):
-        played = play_on(given.levels, policy, **options)
+        played = play_each(given.levels, policy, options)
     return drawn_of(piece, file, given, played)
-
-
-def play_on(levels: Levels, policy: Policy, **options: Any) -> PlayedEpisodes:
-    """One episode on each level."""
-    return play_episodes(levels, np.arange(len(levels)), policy, seed=SEED, **options)
 
 
 def drawn_of(piece: Piece, file: Path, given: Draw, played: PlayedEpisodes) -> Drawn:
@@ -121,7 +116,7 @@ def drawn_of(piece: Piece, file: Path, given: Draw, played: PlayedEpisodes) -> D
         episodes.update(np.ascontiguousarray(array).tobytes())
     both = played.success & given.plan.solved
     return Drawn(
-        piece.suite, piece.seed, hashlib.sha256(file.read_bytes()).hexdigest() if piece.file else "",
+        piece.suite, piece.seed, sha256_of(file, "file", RunFolderError) if piece.file else "",
         hash_of_levels(given.levels), LEVELS, int(played.success.sum()), given.random, int(given.plan.solved.sum()),
         int(played.length[both].sum()), int(given.plan.steps[both].sum()), episodes.hexdigest(),
     )  # fmt: skip

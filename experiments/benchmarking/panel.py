@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -10,10 +11,10 @@ from typing import Any, cast
 import numpy as np
 from gymnasium.spaces import Box
 
-from experiments.benchmarking.drawn import LEVELS, draw, drawn_of, play_on
+from experiments.benchmarking.drawn import LEVELS, draw, drawn_of
 from experiments.benchmarking.level_sets import number_of_levels
-from experiments.benchmarking.playing import options_of
-from experiments.benchmarking.row import RANDOM_PLAYS, Piece, read_row
+from experiments.benchmarking.playing import options_of, play_each
+from experiments.benchmarking.row import RANDOM_PLAYS, Piece, Row, read_row
 from experiments.runs.files import read_json, write_text
 from segar.envs import Policy, VectorEnv
 from segar.evaluation import Idle, Random, RecordedActions, Scripted
@@ -44,8 +45,8 @@ def play_panel(task: PanelTask) -> dict[str, float]:
     given = draw(of, COMMITMENT, SEED, train)
     piece, options = Piece(of.name, of.hash, SEED, {}), {"task": of.task}
 
-    def corrected(policy: Policy, **played_in: Any) -> float:
-        return drawn_of(piece, Path(), given, play_on(given.levels, policy, **(played_in or options))).corrected
+    def corrected(policy: Policy, played_in: Mapping[str, Any] = options) -> float:
+        return drawn_of(piece, Path(), given, play_each(given.levels, policy, played_in)).corrected
 
     chance, planner = given.random / (LEVELS * RANDOM_PLAYS), given.plan.solved.mean()
     most = WIDTH * (chance * (1 - chance) * (1 + 1 / RANDOM_PLAYS) / LEVELS) ** 0.5 / (planner - chance)
@@ -54,7 +55,7 @@ def play_panel(task: PanelTask) -> dict[str, float]:
     def add(player: str, must: str, value: float, is_right: Any) -> None:
         lines.append({"player": player, "must": must, "suite": of.name, "drawn": value, "right": bool(is_right)})
 
-    practised = play_on(of.test_levels, RecordedActions(of.plans.actions), **options).success.all()
+    practised = play_each(of.test_levels, RecordedActions(of.plans.actions), options).success.all()
     nearest = plans_on(of, "train", train, SEED).actions[cost_matrix(given.levels, train).argmin(axis=1)]
     at_chance = "be at chance"
     for player, policy in (("idle", Idle()), ("random", Random(SEED, 1))):
@@ -71,7 +72,7 @@ def play_panel(task: PanelTask) -> dict[str, float]:
         (own,) = (one for one in row.pieces if one.suite == of.name and one.seed == SEED)
         seen = options_of(of, row.method, of.sample(SEED, number_of_levels(row.method)), "test")
         policy = NetworkPolicy(Network.load(row.folder / own.file), unit_actions=True)
-        alone, noisy = corrected(policy, **seen), corrected(Noisy(policy), **seen)
+        alone, noisy = corrected(policy, seen), corrected(Noisy(policy), seen)
         add(row.method.name, "", alone, True)
         add(
             f"{row.method.name}, {NOISE:.0%} random",
@@ -105,12 +106,11 @@ def read_panel(path: Path) -> list[dict[str, Any]]:
     return read_json(path, FORM)
 
 
-def network_for(name: str, rows: list[Path]) -> Path | None:
-    """The first of some rows that has a network for a suite with the panel's seed."""
-    for folder in rows:
-        row = read_row(folder)
+def network_for(name: str, rows: Iterable[Row]) -> Path | None:
+    """The folder of the first of some rows that has a network for a suite with the panel's seed."""
+    for row in rows:
         if row.method.kind == "networks" and any(
             (one.suite, one.seed) == (name, SEED) and one.file not in row.lacks for one in row.pieces
         ):
-            return folder
+            return row.folder
     return None

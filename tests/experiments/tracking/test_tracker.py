@@ -382,7 +382,7 @@ def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, 
 
 @pytest.mark.parametrize(
     "named",
-    [{"uri": "http://evil.example:80"}, {"uri": "sqlite:////tmp/of_mine.db"}, {"uri": None, "root": "elsewhere"}],
+    [{"uri": "http://evil.example:80"}, {"uri": "sqlite:////elsewhere/of_mine.db"}, {"uri": None, "root": "elsewhere"}],
 )
 def test_a_folder_of_others_does_not_choose_where_it_is_sent_to(tmp_path, server, named):
     """Neither an address, nor a file beside which the store of its root would lie; what is named is made by nobody."""
