@@ -1,6 +1,6 @@
-"""``python -m analysis.causes FOLDERS -o causes.png``: what failures on suites come from, as bars with intervals.
+"""``segar causes FOLDERS -o causes.png``: what failures on suites come from, as bars with intervals.
 
-``FOLDERS`` hold evaluations that ``experiments.evaluate ... twins=true`` made, at any depth. There is a panel for each suite
+``FOLDERS`` hold evaluations that ``segar evaluate ... twins=true`` made, at any depth. There is a panel for each suite
 and a bar for each group of factors: what the success gains where this group alone is as in training. Blue groups differ
 between training and test; grey ones are controls, whose bars show chance.
 """
@@ -13,14 +13,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.plotting import style
-from analysis.plotting.figures import METADATA, error_bars, figure_of_panels, save_figure
-from analysis.stats.estimate import Estimate, mean_of_replicates
-from analysis.tables import column, read_frame, select
-from experiments.commands.command_line import run_from_command_line
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import METADATA, error_bars, figure_of_panels, save_figure
+from segar.analysis.stats.estimate import Estimate, mean_of_replicates
+from segar.analysis.tables import column, read_frame, select
 from segar.errors import SegarError
+from segar.experiments.commands.command_line import run_from_command_line
 
-CAUSES = "causes.csv"  # as experiments.evaluation.causes writes it
+CAUSES = "causes.csv"  # as segar.experiments.evaluation.causes writes it
 DIFFERS, CONTROL = "#0072B2", "#BBBBBB"
 FIGURES = ("effect", "attributed")
 
@@ -34,7 +34,7 @@ def read_causes(*folders: str | Path) -> pd.DataFrame:
     paths = sorted(path for folder in folders for path in Path(folder).expanduser().rglob(CAUSES))
     if not paths:
         raise SegarError(
-            f"there is no {CAUSES} below {', '.join(map(str, folders))}; experiments.evaluate run=FOLDER twins=true writes one"
+            f"there is no {CAUSES} below {', '.join(map(str, folders))}; segar evaluate run=FOLDER twins=true writes one"
         )
     return pd.concat([read_frame(path).assign(folder=str(path.parent)) for path in paths], ignore_index=True)
 
@@ -121,7 +121,7 @@ def _draw(axes: Axes, part: pd.DataFrame, figure: str, title: str) -> None:
     axes.set_title(f"{title}{f', {runs} runs' if runs > 1 else ''}", loc="left")
 
 
-def main(*folders: str, output: str = "causes.png", figure: str = "effect", mode: str = "deterministic") -> None:
+def draw(*folders: str, output: str = "causes.png", figure: str = "effect", mode: str = "deterministic") -> None:
     """The command line: draws the evaluations below these folders, and prints the file and the profile.
 
     Args:
@@ -131,12 +131,17 @@ def main(*folders: str, output: str = "causes.png", figure: str = "effect", mode
         SegarError: no folder is named, or as :func:`read_causes` and :func:`causes_plot`.
     """
     if not folders:
-        raise SegarError("name folders below which evaluations lie: python -m analysis.causes FOLDER")
+        raise SegarError("name folders below which evaluations lie: segar causes FOLDER")
     causes = read_causes(*folders)
     causes_plot(causes, output, figure, mode)
     print(profile_of_causes(causes, mode).to_string(index=False))
     print(Path(output).expanduser().resolve())
 
 
+def main() -> None:
+    """The command, with what the command line states."""
+    run_from_command_line(draw)
+
+
 if __name__ == "__main__":
-    run_from_command_line(main)
+    main()

@@ -1,12 +1,12 @@
-"""``python -m analysis.collect results=DIR``: makes tidy tables from the run folders of a plan.
+"""``segar collect results=DIR``: makes tidy tables from the run folders of a plan.
 
-``DIR`` is a results folder of ``experiments.reproduce``, whose ``plan.json`` names the runs. Written there:
+``DIR`` is a results folder of ``segar reproduce``, whose ``plan.json`` names the runs. Written there:
 
-``runs.parquet``           one row per finished run, see :func:`analysis.collected_rows.run_row`
+``runs.parquet``           one row per finished run, see :func:`segar.analysis.collected_rows.run_row`
 ``transfers.parquet``      one row per run and other test set: the same figures on that test set
 ``levels.parquet``         one row per run, test set, action mode and level: for bootstraps over levels
 ``curves.parquet``         one row per run, figure and time
-``probes.parquet``         the results of the probes, see :func:`analysis.collected_rows.probe_rows`
+``probes.parquet``         the results of the probes, see :func:`segar.analysis.collected_rows.probe_rows`
 ``tables/<experiment>.csv``  the rows of runs and transfers that belong to an experiment
 ``missing.csv``            the runs and tests that are planned and not finished
 
@@ -22,16 +22,17 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
-from analysis.collected_rows import OWN, curve_rows, level_rows, probe_rows, run_row, transfer_row
-from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
-from analysis.runs import shared_levels, training_sets
-from analysis.tables import column, read_frame, select, write_csv
-from experiments.commands.command_line import run_from_command_line
-from experiments.reproduction.experiment_file import PLAN, STUDY
-from experiments.reproduction.grid import run_columns, varied_columns
-from experiments.reproduction.imported_results import RUNS, TRANSFERS
-from experiments.runs.files import read_json, read_table, replacing
-from experiments.runs.run_folder import (
+from segar.analysis.collected_rows import OWN, curve_rows, level_rows, probe_rows, run_row, transfer_row
+from segar.analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
+from segar.analysis.runs import shared_levels, training_sets
+from segar.analysis.tables import column, read_frame, select, write_csv
+from segar.errors import SegarError
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.reproduction.experiment_file import PLAN, STUDY
+from segar.experiments.reproduction.grid import run_columns, varied_columns
+from segar.experiments.reproduction.imported_results import RUNS, TRANSFERS
+from segar.experiments.runs.files import read_json, read_table, replacing
+from segar.experiments.runs.run_folder import (
     EPISODES,
     EVALUATIONS,
     PROBES,
@@ -43,8 +44,7 @@ from experiments.runs.run_folder import (
     read_metrics,
     read_summary,
 )
-from experiments.settings import RunFolderError
-from segar.errors import SegarError
+from segar.experiments.settings import RunFolderError
 from segar.support import counted
 
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
@@ -58,7 +58,7 @@ WHICH = ["family", "difficulty", "n", "algorithm", "observation", "task", "varia
 class CollectConfig:
     """The results folder, and whether MLflow shows its experiments."""
 
-    results: str  # a folder that experiments.reproduce made
+    results: str  # a folder that segar reproduce made
     tracking: bool = False  # show the experiments in the store of MLflow that the plan names; it may be of others
 
 
@@ -103,7 +103,7 @@ def collect(config: CollectConfig) -> Collected:
         print(f"{PROBES}: what the probes say of {counted(len(set(found.probes['run'])), 'run')}")
     print_missing(plan, found.missing, folder / MISSING)
     if config.tracking and plan["tracking"]["name"] != "none":
-        from analysis.experiment_runs import show_experiments
+        from segar.analysis.experiment_runs import show_experiments
 
         show_experiments(folder, plan, found.runs)
     return found
@@ -124,7 +124,7 @@ def print_missing(plan: Mapping[str, Any], missing: pd.DataFrame, file: Path) ->
 
 
 def collect_tables(results: Path) -> None:
-    """Makes the tables of a results folder: what ``experiments.reproduce`` calls, as the plug-in ``tables``."""
+    """Makes the tables of a results folder: what ``segar reproduce`` calls, as the plug-in ``tables``."""
     collect(CollectConfig(str(results), tracking=True))
 
 
@@ -135,7 +135,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
         plan = read_json(folder / PLAN)
     except RunFolderError as error:
         raise RunFolderError(
-            f"{folder} holds no {PLAN} that can be read: {error}. Name a folder that experiments.reproduce made: results=..."
+            f"{folder} holds no {PLAN} that can be read: {error}. Name a folder that segar reproduce made: results=..."
         ) from error
     for run in (run for one in plan["experiments"] for run in one["runs"] if run.get("elsewhere")):
         run["imported"] = run["whole"] or not is_finished(Path(plan["runs"]) / run["folder"])
@@ -277,7 +277,7 @@ def imported_rows(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd.
     if left:
         raise RunFolderError(
             f"{min(left)} was to be found in {', '.join(plan['elsewhere']) or 'no folder'}, and is not there any more. Run "
-            "experiments.reproduce again: it makes a new plan"
+            "segar.experiments.reproduce again: it makes a new plan"
         )
     return found
 
@@ -343,5 +343,10 @@ def pairs(table: pd.DataFrame, a: str, b: str) -> Iterable[tuple[str, str]]:
     return zip(table[a], table[b], strict=True) if len(table) else ()
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """The command, with what the command line states."""
     run_from_command_line(collect, CollectConfig)
+
+
+if __name__ == "__main__":
+    main()

@@ -8,14 +8,14 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from analysis.tables import read_frame
-from experiments.reproduction.grid import name_with_options, varied_columns
-from experiments.runs.executed_code import combined
-from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import PROBES, read_metrics, read_versions
-from experiments.runs.run_rows import figures_of_run
-from experiments.runs.versions import computed_with
-from experiments.settings import RunConfig, panel_parts
+from segar.analysis.tables import read_frame
+from segar.experiments.reproduction.grid import name_with_options, varied_columns
+from segar.experiments.runs.executed_code import combined
+from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.run_folder import PROBES, read_metrics, read_versions
+from segar.experiments.runs.run_rows import figures_of_run
+from segar.experiments.runs.versions import computed_with
+from segar.experiments.settings import RunConfig, panel_parts
 from segar.levels import SEPARATOR
 
 OWN = "own"  # the test set that a run has by itself
@@ -36,8 +36,8 @@ def run_row(
     """A row of ``runs.parquet``: the settings of a run and its results.
 
     ``experiments`` (joined by spaces), the place, the settings of :data:`STATED`, ``hash``, ``frames``, ``hours`` of training
-    and evaluation, the figures of :func:`experiments.runs.run_rows.figures_of_run`, ``finished``, and what :func:`software`
-    gives.
+    and evaluation, the figures of :func:`segar.experiments.runs.run_rows.figures_of_run`, ``finished``, and what
+    :func:`software` gives.
     """
     seconds = summary["seconds"] + summary.get("evaluation_seconds", 0.0)
     ends = [entry["time"] for entry in read_journal(folder) if entry["event"] == "finished"]
@@ -119,7 +119,7 @@ def curve_rows(folder: Path, place: Mapping[str, Any], names: Sequence[str] = CU
 
 
 def probe_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
-    """The run's table of :func:`analysis.probes.table.probe_run` behind the columns that say what the run is; its ``n``,
+    """The run's table of :func:`segar.analysis.probes.table.probe_run` behind the columns that say what the run is; its ``n``,
     of independent units, is called ``units`` here, where ``n`` counts training levels.
 
     So that the file stays small, numbers are rounded to below their errors, and the nats of single factors are left out:

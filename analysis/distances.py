@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.tables import Floats
-from experiments.evaluation.transfers import LEVELS
-from experiments.levels.builders import distribution_of
-from experiments.runs.files import read_json
-from experiments.runs.own_modules import own_packages
-from experiments.runs.run_folder import EVALUATIONS, LEVELS_TEST, LEVELS_TRAIN, SUMMARY, read_config
-from experiments.runs.trust import settings_of_file
-from experiments.settings import LevelsConfig, RunFolderError, as_data
+from segar.analysis.tables import Floats
 from segar.errors import SegarError, UnseenDifferenceWarning
+from segar.experiments.evaluation.transfers import LEVELS
+from segar.experiments.levels.builders import distribution_of
+from segar.experiments.runs.files import read_json
+from segar.experiments.runs.own_modules import own_packages
+from segar.experiments.runs.run_folder import EVALUATIONS, LEVELS_TEST, LEVELS_TRAIN, SUMMARY, read_config
+from segar.experiments.runs.trust import settings_of_file
+from segar.experiments.settings import LevelsConfig, RunFolderError, as_data
 from segar.levels import Levels
 from segar.metrics import spread, w2
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.plotting.style import colours
-from analysis.tables import column
-from experiments.settings import TrackingConfig, without_password
-from experiments.tracking.mlflow_store import calling, open_store, show_views, store_uri
-from experiments.tracking.mlflow_sync import read_sync_state
-from experiments.tracking.mlflow_views import COLOUR, VIEWS_OF_PAPER
+from segar.analysis.plotting.style import colours
+from segar.analysis.tables import column
+from segar.experiments.settings import TrackingConfig, without_password
+from segar.experiments.tracking.mlflow_store import calling, open_store, show_views, store_uri
+from segar.experiments.tracking.mlflow_sync import read_sync_state
+from segar.experiments.tracking.mlflow_views import COLOUR, VIEWS_OF_PAPER
 
 PARENT = "mlflow.parentRunId"  # MLflow's own tag, by which its pages nest runs
 

@@ -1,4 +1,4 @@
-"""``python -m analysis.gap_plot RUNS -o gap.png``: the gap of any runs against their distance, with the correlation.
+"""``segar gap-plot RUNS -o gap.png``: the gap of any runs against their distance, with the correlation.
 
 ``RUNS`` are folders that hold run folders; without any, ``runs/`` of the checkout. Each point is a run with the 95 %
 interval of its gap over episodes, or with ``--cells`` the mean of the runs that differ by their seeds alone, with its
@@ -16,9 +16,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels
-from analysis.plotting import style
-from analysis.plotting.figures import (
+from segar.analysis.distances import COMMON, count_pairs, in_one_unit, own_levels
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import (
     DOT,
     METADATA,
     draw_line,
@@ -29,7 +29,7 @@ from analysis.plotting.figures import (
     save_figure,
     zero_line,
 )
-from analysis.runs import (
+from segar.analysis.runs import (
     LEVEL_SETS,
     about_level_sets,
     column_name,
@@ -42,14 +42,14 @@ from analysis.runs import (
     summarise,
     training_sets,
 )
-from analysis.stats.correlation import correlate, indicators
-from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import by_blocks, partial
-from analysis.tables import column, count_of, pick, select
-from experiments.commands.command_line import run_from_command_line
-from experiments.reproduction.experiment_file import FEWEST_BLOCKS
-from experiments.runs.run_rows import code_warning, run_rows, seen_warning
+from segar.analysis.stats.correlation import correlate, indicators
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.stats.resampling import by_blocks, partial
+from segar.analysis.tables import column, count_of, pick, select
 from segar.errors import SegarError
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.reproduction.experiment_file import FEWEST_BLOCKS
+from segar.experiments.runs.run_rows import code_warning, run_rows, seen_warning
 from segar.support import counted
 
 NORMAL = 1.96  # standard errors of a 95 % interval
@@ -82,7 +82,7 @@ def gap_plot(
     """A scatter plot of two columns of runs, with their correlation and its 95 % interval over level sets.
 
     Args:
-        runs: a table of :func:`analysis.runs.read_runs`, or a folder of runs; runs that are not finished do not count.
+        runs: a table of :func:`segar.analysis.runs.read_runs`, or a folder of runs; runs that are not finished do not count.
         x, y: columns, or short names: ``w2`` (exact; of several pairs of distributions in one unit, if the level files of all
             runs are there), ``ks``, ``gap``, ``success_test``, ``count``.
         group: the column that colours show, with at most seven values; None: the levels, else the algorithm, else another
@@ -178,7 +178,7 @@ def _with_unit(runs: pd.DataFrame, x: str, asked: str) -> tuple[pd.DataFrame, li
 
 
 def _warnings(runs: pd.DataFrame) -> list[str]:
-    """What :mod:`experiments.runs.run_rows` warns of, if the table says where the runs are."""
+    """What :mod:`segar.experiments.runs.run_rows` warns of, if the table says where the runs are."""
     places = [path for path in map(Path, runs["folder"]) if path.is_dir()] if "folder" in runs else []
     rows = run_rows(places)
     return [code_warning(rows), seen_warning(rows)]
@@ -207,7 +207,7 @@ def _runs(runs: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
 
 
 def _cells(runs: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
-    """A point per combination of settings, as :func:`_runs`; the interval is that of :func:`analysis.runs.summarise`."""
+    """A point per combination of settings, as :func:`_runs`; the interval is that of :func:`segar.analysis.runs.summarise`."""
     by = [*settings_varied(runs), "group"]
     found = summarise(runs, (x, y), by)
     middle = select(found, figure=y)
@@ -253,7 +253,7 @@ def _in_words(found: Estimate) -> str:
     return f"{found.estimate:+.2f}, 95 % [{found.low:+.2f}, {found.high:+.2f}] over level sets"
 
 
-def main(
+def draw(
     *runs: str,
     output: str = "gap.png",
     x: str = "w2",
@@ -273,5 +273,10 @@ def main(
     print(Path(output).expanduser().resolve())
 
 
+def main() -> None:
+    """The command, with what the command line states."""
+    run_from_command_line(draw)
+
+
 if __name__ == "__main__":
-    run_from_command_line(main)
+    main()

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.runs.level_prints import is_own, prints_in, share_of
-from experiments.runs.run_folder import LEVELS_TRAIN
-from experiments.settings import is_level_file
+from segar.experiments.runs.level_prints import is_own, prints_in, share_of
+from segar.experiments.runs.run_folder import LEVELS_TRAIN
+from segar.experiments.settings import is_level_file
 
 
 def levels_trained_on(runs: pd.DataFrame, of_files: bool = False) -> list[frozenset[bytes]]:

@@ -1,4 +1,4 @@
-"""``python -m analysis.renderings``: the paper's pictures of tasks and of visual features, drawn anew from levels and textures.
+"""``python -m segar.analysis.renderings``: the paper's pictures of tasks and visual features, from levels and textures.
 
 Figure 2c shows two tasks. The appendix shows one state in the features of the linear auto-encoder and in those of the
 filters of a network's first layer, and one state in the features of auto-encoders that were trained from different seeds.
@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import segar
-from analysis.plotting import style
-from analysis.plotting.figures import METADATA, new_figure
-from experiments.commands.command_line import run_from_command_line
-from experiments.runs.files import replacing
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import METADATA, new_figure
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.runs.files import replacing
 from segar.language import Heat, Hexagon, Order, Square, Triangle
 from segar.observations import Pixels, TexturedPixels
 from segar.textures import TextureSet

@@ -15,21 +15,21 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.level_sets import first_of_equal, largest_share, levels_trained_on, united
-from analysis.stats.association import keys
-from analysis.stats.estimate import ALIKE
-from analysis.stats.resampling import mean_of_units
-from analysis.tables import column, select, write_table
-from experiments.reproduction.experiment_file import FEWEST_BLOCKS
-from experiments.runs.run_folder import root_folder
-from experiments.runs.run_rows import FINISHED, as_columns, chosen_rows, copies_warning, in_short
+from segar.analysis.level_sets import first_of_equal, largest_share, levels_trained_on, united
+from segar.analysis.stats.association import keys
+from segar.analysis.stats.estimate import ALIKE
+from segar.analysis.stats.resampling import mean_of_units
+from segar.analysis.tables import column, select, write_table
 from segar.cli import table as text_table
 from segar.errors import SegarError, did_you_mean
+from segar.experiments.reproduction.experiment_file import FEWEST_BLOCKS
+from segar.experiments.runs.run_folder import root_folder
+from segar.experiments.runs.run_rows import FINISHED, as_columns, chosen_rows, copies_warning, in_short
 from segar.support import counted
 
 SEEDS = ("seed", "levels.seed")  # settings in which repetitions differ
 # The columns that say from which distribution, and how, training levels are taken, as far as a table has them: those of
-# read_runs, then those of analysis.collect. Test levels are none of them: the same agents tested twice are no new level set.
+# read_runs, then those of `segar collect`. Test levels are none of them: the same agents tested twice are no new level set.
 TRAINED_ON = (
     "levels.train", "levels.variation", "levels.design", "family", "difficulty", "variation", "design",
 )  # fmt: skip
@@ -117,7 +117,7 @@ def summary_text(rows: Sequence[Mapping[str, Any]], path: Path | None = None) ->
     """What :func:`summarise` finds, as text for a terminal, with what to know about it.
 
     Args:
-        rows: as of :func:`experiments.runs.run_rows.as_columns`; at least one is finished.
+        rows: as of :func:`segar.experiments.runs.run_rows.as_columns`; at least one is finished.
         path: a file ``.csv`` or ``.parquet``, into which the means of all figures are written, not only of those in the text.
 
     Raises:
@@ -184,7 +184,7 @@ def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterat
     if (pairs := number_of_pairs(done)) > 1 and "w2_exact" in set(found["figure"]):
         yield (
             f"w2_exact has a unit for each of the {pairs} pairs of training and test distributions: compare it within a pair. "
-            "analysis.gap_plot measures all pairs in one unit."
+            "segar.analysis.gap_plot measures all pairs in one unit."
         )
 
 
@@ -207,7 +207,7 @@ def finished(runs: pd.DataFrame) -> pd.DataFrame:
     """The rows of finished runs; all, where a table does not say how far runs are. Raises :class:`SegarError` if none is."""
     done = select(runs, state=FINISHED) if "state" in runs else runs
     if done.empty:
-        raise SegarError("no run is finished; python -m experiments.results says how far they are")
+        raise SegarError("no run is finished; segar runs says how far they are")
     return done
 
 
@@ -252,7 +252,7 @@ def _named_sets(runs: pd.DataFrame) -> tuple[NDArray[Any], dict[int, int]]:
     if not names and not seeds:
         raise SegarError("no column says on which level set a run was trained, such as levels.train and levels.seed")
     taken_from = names_of(runs, names)
-    if seeds:  # analysis.collect leaves levels.seed empty where it is the seed of the run
+    if seeds:  # segar collect leaves levels.seed empty where it is the seed of the run
         first, *rest = seeds
         names, runs = [*names, "of seed"], runs.assign(**{"of seed": first.fillna(rest[0]) if rest else first})
     found = names_of(runs, names)
@@ -260,7 +260,7 @@ def _named_sets(runs: pd.DataFrame) -> tuple[NDArray[Any], dict[int, int]]:
 
 
 def names_of(table: pd.DataFrame, columns: Sequence[str]) -> NDArray[Any]:
-    """:func:`analysis.stats.association.keys` of settings, which may have no value in some rows."""
+    """:func:`segar.analysis.stats.association.keys` of settings, which may have no value in some rows."""
     return keys(table.assign(**{name: [str(value) for value in table[name]] for name in columns}), columns)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.runs.files import opened_table, replacing
-from experiments.settings import RunFolderError
+from segar.experiments.runs.files import opened_table, replacing
+from segar.experiments.settings import RunFolderError
 from segar.support import content_of
 
 Floats = NDArray[np.float64]

@@ -15,8 +15,8 @@ from benchmarks.rule_sets import rule_sets
 from benchmarks.scaling import bodies, threads
 from benchmarks.targets import targets
 from benchmarks.yardsticks import against_pymunk, handwritten
-from experiments.commands.command_line import run_from_command_line
-from experiments.settings import require_known
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.settings import require_known
 
 REPEATS = 7
 PARTS = {

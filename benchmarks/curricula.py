@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from functools import partial
 
 from benchmarks.measure import Row, print_parts
-from experiments.commands.command_line import run_from_command_line
-from experiments.settings import require_known
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.settings import require_known
 
 ROUNDS = 7
 ITERATIONS = 25  # of a block, in which one line is logged
@@ -35,11 +35,11 @@ class Trained:
     """A run in training, without folder and evaluation."""
 
     def __init__(self, overrides: tuple[str, ...]) -> None:
-        from experiments.algorithms.learner import learner_class, make_learner
-        from experiments.commands.hydra_app import compose
-        from experiments.commands.process_defaults import set_process_defaults
-        from experiments.levels.builders import Prepared
-        from experiments.training.preparation import make_environment, training_levels
+        from segar.experiments.algorithms.learner import learner_class, make_learner
+        from segar.experiments.commands.hydra_app import compose
+        from segar.experiments.commands.process_defaults import set_process_defaults
+        from segar.experiments.levels.builders import Prepared
+        from segar.experiments.training.preparation import make_environment, training_levels
 
         config = compose([*BASE, *overrides]).resolved()
         set_process_defaults(config.num_threads)

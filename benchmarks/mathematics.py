@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from benchmarks.measure import Row, in_turns
-from experiments.commands.command_line import run_from_command_line
+from segar.experiments.commands.command_line import run_from_command_line
 from segar.support import mathematics
 
 NUMBERS = 4096  # arguments of a measurement

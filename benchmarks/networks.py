@@ -11,10 +11,10 @@ import torch
 
 import segar
 from benchmarks.measure import Row, in_turns
-from experiments.algorithms.portable import network_of
-from experiments.algorithms.ppo import PPO
-from experiments.networks.encoders import initialize
-from experiments.settings import PPOConfig
+from segar.experiments.algorithms.portable import network_of
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.networks.encoders import initialize
+from segar.experiments.settings import PPOConfig
 from segar.policies import NetworkPolicy
 
 FAMILY = "objectsx3-hard"

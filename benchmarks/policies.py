@@ -9,8 +9,8 @@ import numpy as np
 
 import segar
 from benchmarks.measure import Row
-from experiments.benchmarking.drawn import policy_process
-from experiments.benchmarking.policy_process import ROWS
+from segar.experiments.benchmarking.drawn import policy_process
+from segar.experiments.benchmarking.policy_process import ROWS
 from segar.suites import suite
 
 BATCHES = 200

@@ -25,9 +25,9 @@ import numpy as np
 from benchmarks.measure import load, machine
 from benchmarks.soak_checks import Checks
 from benchmarks.soak_worlds import Case, cases, make_case
-from experiments.commands.command_line import run_from_command_line
 from segar.engine.simulator import State, StepResult
 from segar.errors import ConflictError, RuleError
+from segar.experiments.commands.command_line import run_from_command_line
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
 

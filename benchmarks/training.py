@@ -14,8 +14,8 @@ import time
 from collections.abc import Iterator, Sequence
 
 from benchmarks.measure import Row, print_parts
-from experiments.commands.command_line import run_from_command_line
-from experiments.settings import require_known
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.settings import require_known
 
 ITERATIONS = 12
 WARM = 2  # iterations that do not count
@@ -76,11 +76,11 @@ def train_side_by_side(runs: Sequence[Sequence[str]], iterations: int) -> list[d
 
 def train(overrides: Sequence[str], iterations: int) -> dict[str, list[float]]:
     """Trains a little; per iteration: frames per second, the same per core-second, the environments' share in %."""
-    from experiments.commands import process_defaults as runtime
-    from experiments.commands.hydra_app import compose
-    from experiments.levels.builders import environment_options, make_levels
-    from experiments.settings import import_object
-    from experiments.training.training_loop import History
+    from segar.experiments.commands import process_defaults as runtime
+    from segar.experiments.commands.hydra_app import compose
+    from segar.experiments.levels.builders import environment_options, make_levels
+    from segar.experiments.settings import import_object
+    from segar.experiments.training.training_loop import History
 
     config = compose(["levels=empty-hard", "levels.count=200", "observation=rgb", *overrides])
     runtime.set_process_defaults(config.num_threads)

@@ -3,7 +3,7 @@
     python examples/ppo.py --levels empty-hard --count 50 --frames 400000
     python examples/ppo.py --levels place-between-v1 --seed 1
 
-Copy this file and change it. It needs torch and segar. The trainer of this repository, ``experiments.train``, has more
+Copy this file and change it. It needs torch and segar. The trainer of this repository, ``segar train``, has more
 algorithms, run folders and sweeps.
 """
 

@@ -1,18 +1,18 @@
-"""A method on suites, from training to a row that anybody can play again: ``python -m experiments.benchmark suite=core``.
+"""A method on suites, from training to a row that anybody can play again: ``segar benchmark suite=core``.
 
 Each suite is trained on with each seed, side by side; finished runs are found, and interrupted ones resumed. The networks play
 the frozen test levels and their training levels by functions that give the same bits on every processor, and episodes and
 networks become a *row*: a folder with the hash of all that it depends on. The command prints the plan and what it costs first,
 and a table at the end.
 
-  python -m experiments.benchmark suite=core budget=laptop algorithm=ppo_fast observation=state seeds=5 dry_run=true
-  python -m experiments.benchmark verify=ppo_fast-state-laptop
+  segar benchmark suite=core budget=laptop algorithm=ppo_fast observation=state seeds=5 dry_run=true
+  segar benchmark verify=ppo_fast-state-laptop
 
 Settings, as name=value:
   suite=core                 core, all, the name of a suite, or a list of names
   budget=laptop              frames on each suite with each seed: laptop 200,000, server 5,000,000; open: scale.frames
   algorithm=NAME             a choice of conf/algorithm, or module:Class; or a player: idle, random, script, planner
-  observation, algorithm.learning_rate, tracking, num_threads, ... as for experiments.train
+  observation, algorithm.learning_rate, tracking, num_threads, ... as for segar train
   seeds=N, seed=1            how many seeds, from which one on; each is that of an agent and of its training levels
   policy=module:function     a method that was trained elsewhere: function(side, seed) gives its policy, a function of
                              observations, for the training side of a suite. It acts in a process of its own, and its actions
@@ -50,12 +50,13 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from experiments.benchmarking.drawn import DrawTask, draw_piece
-from experiments.benchmarking.method import again, method_of, settings_of
-from experiments.benchmarking.panel import PANEL, PanelTask, network_for, play_panel, read_panel
-from experiments.benchmarking.players import PlayerTask, action_file, make_piece
-from experiments.benchmarking.protocol import ALL, PLAYERS, REFERENCES, piece_name, row_folder, suites_named
-from experiments.benchmarking.row import (
+from segar.cli import table
+from segar.experiments.benchmarking.drawn import DrawTask, draw_piece
+from segar.experiments.benchmarking.method import again, method_of, settings_of
+from segar.experiments.benchmarking.panel import PANEL, PanelTask, network_for, play_panel, read_panel
+from segar.experiments.benchmarking.players import PlayerTask, action_file, make_piece
+from segar.experiments.benchmarking.protocol import ALL, PLAYERS, REFERENCES, piece_name, row_folder, suites_named
+from segar.experiments.benchmarking.row import (
     DRAWN,
     FETCH,
     ROW,
@@ -72,19 +73,19 @@ from experiments.benchmarking.row import (
     row_of,
     write_drawn,
 )
-from experiments.benchmarking.settings import ROWS, BenchmarkConfig
-from experiments.benchmarking.verification import verify
-from experiments.commands.hydra_app import errors_as_messages, run_command, to_plain
-from experiments.commands.kernels import choose_kernels
-from experiments.commands.plugin import REPORTS, run_plugin
-from experiments.evaluation.transfers import RunTask
-from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, do_all, failures, reproduce
-from experiments.reproduction.grid import grid_runs
-from experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
-from experiments.runs.executed_code import differing_parts
-from experiments.runs.files import write_text
-from experiments.runs.run_folder import folder_path, is_finished, runs_root
-from experiments.settings import (
+from segar.experiments.benchmarking.settings import ROWS, BenchmarkConfig
+from segar.experiments.benchmarking.verification import verify
+from segar.experiments.commands.hydra_app import errors_as_messages, run_command, to_plain
+from segar.experiments.commands.kernels import choose_kernels
+from segar.experiments.commands.plugin import REPORTS, run_plugin
+from segar.experiments.evaluation.transfers import RunTask
+from segar.experiments.reproduce import ReproduceConfig, Work, carry_out, cores, do_all, failures, reproduce
+from segar.experiments.reproduction.grid import grid_runs
+from segar.experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
+from segar.experiments.runs.executed_code import differing_parts
+from segar.experiments.runs.files import write_text
+from segar.experiments.runs.run_folder import folder_path, is_finished, runs_root
+from segar.experiments.settings import (
     ConfigError,
     RunConfig,
     RunFolderError,
@@ -94,7 +95,6 @@ from experiments.settings import (
     require,
     run_config,
 )
-from segar.cli import table
 from segar.suites import outline, suite
 from segar.support import EVERYTHING, counted
 
@@ -236,7 +236,7 @@ def seconds_of(config: BenchmarkConfig) -> float:
 
 
 def train_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) -> None:
-    """Trains what a row lacks, and adds it to the row; raises as :func:`experiments.reproduce.reproduce`."""
+    """Trains what a row lacks, and adds it to the row; raises as :func:`segar.experiments.reproduce.reproduce`."""
     plan = plan_of(config, method, left)
     there = [run for run in runs_of(plan) if (run.levels.train, run.seed) not in set(left)]
 
@@ -286,7 +286,7 @@ def train_and_play(work: Work) -> dict[str, float]:
 def trained_piece(run: RunConfig) -> NewPiece:
     """The piece of a finished run. Torch is imported here, so that planning and verifying do not load it."""
     choose_kernels(run.determinism)
-    from experiments.benchmarking.trained import piece_of
+    from segar.experiments.benchmarking.trained import piece_of
 
     count = outline(run.levels.train)["training_levels"]
     own = None if run.levels.count == count else run.levels.count
@@ -470,6 +470,6 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    from experiments import benchmark as module  # jobs of launchers find functions by their module
+    from segar.experiments import benchmark as module  # jobs of launchers find functions by their module
 
     module.main()

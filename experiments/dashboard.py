@@ -1,4 +1,4 @@
-"""MLflow's pages over the results, on this machine alone: ``python -m experiments.dashboard port=5000``."""
+"""MLflow's pages over the results, on this machine alone: ``segar dashboard port=5000``."""
 
 import os
 import socket
@@ -6,11 +6,11 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.commands.command_line import run_from_command_line
-from experiments.runs.run_folder import root_folder
-from experiments.settings import TrackingConfig, TrackingError, require
-from experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
-from experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, link
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.runs.run_folder import root_folder
+from segar.experiments.settings import TrackingConfig, TrackingError, require
+from segar.experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
+from segar.experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, link
 
 HOST = "127.0.0.1"  # loopback: no other machine can reach it
 UNUSED = "Default"  # the experiment that every store of MLflow's has from the beginning
@@ -95,5 +95,10 @@ def require_free(port: int) -> None:
             ) from error
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """The command, with what the command line states."""
     run_from_command_line(serve, DashboardConfig)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,4 +1,4 @@
-"""The paper's experiments, from training to tables and report: ``python -m experiments.reproduce scale=quick``.
+"""The paper's experiments, from training to tables and report: ``segar reproduce scale=quick``.
 
 Every file of ``conf/experiment/`` is an experiment: a grid of runs, transfers of its agents to other levels, a study that
 needs no training. A run that several experiments need is trained once. Finished runs are found by the hash of their
@@ -18,7 +18,7 @@ Settings, as name=value (make: ARGS="name=value ..."):
   probes.SCALE.frames=N      how finished runs are probed at a scale; grids.NAME.probes=false: not at all
   +experiment@grids.NAME=NAME  an experiment of your own, conf/experiment/NAME.yaml
   root=FOLDER                where run folders are, and are looked for; runs/ of the checkout by default
-  seed, algorithm, observation, scale.frames, evaluation.episodes, tracking, ... as for experiments.train
+  seed, algorithm, observation, scale.frames, evaluation.episodes, tracking, ... as for segar train
 """
 
 import dataclasses
@@ -36,15 +36,15 @@ import yaml
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from experiments.commands.config_store import conf_dir
-from experiments.commands.hydra_app import run_command, to_plain
-from experiments.commands.kernels import choose_kernels
-from experiments.commands.plugin import REPORTS, STUDIES, find_plugin, run_plugin
-from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished
-from experiments.evaluation.transfers import RunTask
-from experiments.reproduction.experiment_file import PLAN, STUDY, Experiment, chosen_names, experiment_at
-from experiments.reproduction.imported_results import read_imported_results
-from experiments.reproduction.plan import (
+from segar.experiments.commands.config_store import conf_dir
+from segar.experiments.commands.hydra_app import run_command, to_plain
+from segar.experiments.commands.kernels import choose_kernels
+from segar.experiments.commands.plugin import REPORTS, STUDIES, find_plugin, run_plugin
+from segar.experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished
+from segar.experiments.evaluation.transfers import RunTask
+from segar.experiments.reproduction.experiment_file import PLAN, STUDY, Experiment, chosen_names, experiment_at
+from segar.experiments.reproduction.imported_results import read_imported_results
+from segar.experiments.reproduction.plan import (
     STUDY_SECONDS,
     ReproductionPlan,
     StudyTask,
@@ -55,11 +55,11 @@ from experiments.reproduction.plan import (
     make_plan,
     measure_speeds,
 )
-from experiments.reproduction.process_pool import Job, JobResult, run_jobs
-from experiments.runs.files import write_text
-from experiments.runs.run_folder import runs_root, write_json
-from experiments.runs.trust import signed
-from experiments.settings import (
+from segar.experiments.reproduction.process_pool import Job, JobResult, run_jobs
+from segar.experiments.runs.files import write_text
+from segar.experiments.runs.run_folder import runs_root, write_json
+from segar.experiments.runs.trust import signed
+from segar.experiments.settings import (
     ConfigError,
     GridPoint,
     RunConfig,
@@ -74,8 +74,8 @@ from experiments.settings import (
     run_config,
     without_password,
 )
-from experiments.tracking.mlflow_store import is_server
-from experiments.train import train
+from segar.experiments.tracking.mlflow_store import is_server
+from segar.experiments.train import train
 
 Work = RunTask | StudyTask
 
@@ -92,7 +92,7 @@ class ReproduceConfig:
     imported: tuple[str, ...] = ()  # folders with tables of runs that were made on other machines
     dry_run: bool = False  # print the plan, and run nothing
     report: bool = True  # have the plug-in "report" write the claims, figures, page and PDF
-    study: Mapping[str, Any] = field(default_factory=dict)  # what a file of experiments.study says; empty: the paper's
+    study: Mapping[str, Any] = field(default_factory=dict)  # what a file of segar study says; empty: the paper's
 
     def __post_init__(self) -> None:
         require(self.processes >= 0, "processes", self.processes, "0 or more")
@@ -214,7 +214,7 @@ def carry_out(work: Work) -> dict[str, float]:
         run_study(work)
         return {}
     choose_kernels(work.run.determinism)
-    from experiments.evaluation.transfer_evaluation import evaluate_transfer
+    from segar.experiments.evaluation.transfer_evaluation import evaluate_transfer
 
     figures = train(work.run)
     for transfer in work.transfers_left():
@@ -355,6 +355,6 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    from experiments import reproduce as module  # jobs of launchers find functions by their module
+    from segar.experiments import reproduce as module  # jobs of launchers find functions by their module
 
     module.main()

@@ -1,4 +1,4 @@
-"""A table of runs: ``python -m experiments.results root=FOLDER``, or ``sweep=NAME`` for those of one sweep.
+"""A table of runs: ``segar runs root=FOLDER``, or ``sweep=NAME`` for those of one sweep.
 
 One line per run: the settings in which these runs differ, its state, its final figures, and what it was computed with
 where that differs. Below it, the means of runs that differ by their seeds alone, with intervals over level sets, and a
@@ -15,11 +15,12 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from experiments.commands.command_line import run_from_command_line
-from experiments.commands.plugin import SUMMARIES, find_plugin
-from experiments.runs.files import replacing, write_text
-from experiments.runs.run_folder import RESULTS, root_folder
-from experiments.runs.run_rows import (
+from segar.cli import table
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.commands.plugin import SUMMARIES, find_plugin
+from segar.experiments.runs.files import replacing, write_text
+from segar.experiments.runs.run_folder import RESULTS, root_folder
+from segar.experiments.runs.run_rows import (
     FINISHED,
     RunRow,
     as_columns,
@@ -31,8 +32,7 @@ from experiments.runs.run_rows import (
     score_warnings,
     seen_warning,
 )
-from experiments.settings import ConfigError
-from segar.cli import table
+from segar.experiments.settings import ConfigError
 from segar.support import counted
 
 FORMATS = (".csv", ".parquet", ".md")  # of files that are written
@@ -152,5 +152,10 @@ def _cell(value: Any) -> str:
     return " ".join(text.replace("|", "\\|").split())
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """The command, with what the command line states."""
     run_from_command_line(results, ResultsConfig)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,4 +1,4 @@
-"""A search for good hyper-parameters with Optuna: ``python -m experiments.search search=ppo_fast search.trials=20``.
+"""A search for good hyper-parameters with Optuna: ``segar search search=ppo_fast search.trials=20``.
 
 Every trial is an ordinary run (or one per seed), with its run folder, its place in MLflow and its checkpoints. The trials
 are stored in an SQLite file under ``searches/`` of the runs' root: the same command continues from there, and a trial that
@@ -17,11 +17,13 @@ from omegaconf import DictConfig
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
 from optuna.trial import FrozenTrial, Trial, TrialState
 
-from experiments.commands.hydra_app import run_command, to_plain
-from experiments.reproduction.grid import with_settings
-from experiments.reproduction.process_pool import Job, JobResult, run_jobs
-from experiments.runs.run_folder import lock, runs_root
-from experiments.settings import (
+from segar.cli import table
+from segar.errors import did_you_mean
+from segar.experiments.commands.hydra_app import run_command, to_plain
+from segar.experiments.reproduction.grid import with_settings
+from segar.experiments.reproduction.process_pool import Job, JobResult, run_jobs
+from segar.experiments.runs.run_folder import lock, runs_root
+from segar.experiments.settings import (
     OWN_TASK,
     ConfigError,
     RunConfig,
@@ -35,10 +37,8 @@ from experiments.settings import (
     run_config,
     sqlite_address,
 )
-from experiments.settings.run import digest
-from experiments.train import train
-from segar.cli import table
-from segar.errors import did_you_mean
+from segar.experiments.settings.run import digest
+from segar.experiments.train import train
 
 SHOWN = 5  # trials in the closing table
 ERROR = "error"  # attribute of a failed trial; an interrupted trial has none
@@ -237,7 +237,7 @@ def report(study: optuna.Study, spec: Search) -> str:
     return "\n".join(
         [
             table(["trial", spec.config.metric, *best], rows),
-            f"train with the best: python -m experiments.train {groups} {settings}",
+            f"train with the best: segar train {groups} {settings}",
         ]
     )
 
@@ -257,5 +257,10 @@ def build(config: DictConfig) -> Search:
     return Search(run_config(data), settings)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """The command, with what the command line states."""
     run_command(search, "search", build, SETTINGS)
+
+
+if __name__ == "__main__":
+    main()

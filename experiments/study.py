@@ -1,7 +1,7 @@
-"""A study of one's own, from a file to a report: ``python -m experiments.study my_study.yaml``.
+"""A study of one's own, from a file to a report: ``segar study my_study.yaml``.
 
 The file says which runs are made, and which claims are tested. It has the keys of an experiment (below), and one more,
-``settings``: settings of all runs, as for experiments.train. Objects of your own are named as ``module:attribute``, or as
+``settings``: settings of all runs, as for segar.experiments.train. Objects of your own are named as ``module:attribute``, or as
 ``file.py:attribute`` with a path that begins where the study's file is::
 
     title: Does wind widen the gap?
@@ -45,7 +45,7 @@ Settings, as name=value:
   scale=NAME                 where the file has scales: which of them
   probes.SCALE.frames=N      how finished runs are probed, see docs/how-to/probe-representations.md
   seed=N                     the first of the seeds of agents and level sets, which go on from there
-  levels.test_count, evaluation.episodes, tracking, ... as for experiments.train, instead of what the file says; what the
+  levels.test_count, evaluation.episodes, tracking, ... as for segar train, instead of what the file says; what the
                              grid says, such as levels.count, is refused
 
   --schema                   print the JSON schema of study files, for editors
@@ -59,10 +59,10 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, run_command, to_plain
-from experiments.reproduce import SETTINGS, ReproduceConfig, reproduce
-from experiments.reproduction.study_file import StudyFile, check_settings, fields_text, read_study, schema
-from experiments.settings import ConfigError, construct, run_config
+from segar.experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, run_command, to_plain
+from segar.experiments.reproduce import SETTINGS, ReproduceConfig, reproduce
+from segar.experiments.reproduction.study_file import StudyFile, check_settings, fields_text, read_study, schema
+from segar.experiments.settings import ConfigError, construct, run_config
 
 
 def study_of(arguments: Sequence[str]) -> tuple[StudyFile, list[str]]:

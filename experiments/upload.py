@@ -1,4 +1,4 @@
-"""Sends figures of runs that MLflow missed: ``python -m experiments.upload run=FOLDER``, or ``root=FOLDER`` for all runs.
+"""Sends figures of runs that MLflow missed: ``segar upload run=FOLDER``, or ``root=FOLDER`` for all runs.
 
 Runs that are at work are skipped, because they send their figures themselves.
 """
@@ -8,12 +8,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.commands.command_line import run_from_command_line
-from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import METRICS, lock, read_config, read_metrics, root_folder, run_folders, runs_root
-from experiments.settings import RunFolderError, TrackingError
-from experiments.tracking.mlflow_store import STORE, sqlite_address, store_uri
-from experiments.tracking.mlflow_sync import RunSync, files_of
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.run_folder import (
+    METRICS,
+    lock,
+    read_config,
+    read_metrics,
+    root_folder,
+    run_folders,
+    runs_root,
+)
+from segar.experiments.settings import RunFolderError, TrackingError
+from segar.experiments.tracking.mlflow_store import STORE, sqlite_address, store_uri
+from segar.experiments.tracking.mlflow_sync import RunSync, files_of
 from segar.support import counted
 
 STATUS = {"finished": "FINISHED", "failed": "FAILED"}  # of a run whose journal ends so; all others were cut off
@@ -88,5 +96,10 @@ def upload_run(folder: Path, uri: str | None = None) -> str:
     return f"sent {counted(len(rows) - before, 'figure')} to {sync.state.store}"
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """The command, with what the command line states."""
     run_from_command_line(upload, UploadConfig)
+
+
+if __name__ == "__main__":
+    main()

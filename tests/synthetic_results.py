@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.tables import select
+from segar.analysis.tables import select
 
 FAMILIES, DIFFICULTIES, COUNTS = ("empty", "objectsx1", "tilesx1"), ("easy", "medium", "hard"), (1, 10, 50, 100, 200)
 HARDER = {"easy": "medium", "medium": "hard"}

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from experiments.levels.builders import Prepared
-from experiments.runs.executed_code import executed_code
-from experiments.runs.run_folder import (
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.runs.executed_code import executed_code
+from segar.experiments.runs.run_folder import (
     CONFIG,
     EPISODE_SCHEMA,
     EPISODES,
@@ -22,7 +22,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.settings import GridPoint, RunConfig, TrackingConfig, as_data, config_at, grid_point
+from segar.experiments.settings import GridPoint, RunConfig, TrackingConfig, as_data, config_at, grid_point
 
 TEST_LEVELS = 20
 MADE_WITH: dict[str, Any] = {

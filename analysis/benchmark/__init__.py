@@ -1,5 +1,5 @@
 """The benchmark's rows beside each other: scores, tables, figures, and the leaderboard page."""
 
-from analysis.benchmark.make import report_rows
+from segar.analysis.benchmark.make import report_rows
 
 __all__ = ["report_rows"]

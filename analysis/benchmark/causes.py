@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.causes import profile_of_causes
-from analysis.tables import keep, pick, select
-from experiments.benchmarking.protocol import CONTROL, TWIN
-from experiments.benchmarking.row import Row
+from segar.analysis.causes import profile_of_causes
+from segar.analysis.tables import keep, pick, select
+from segar.experiments.benchmarking.protocol import CONTROL, TWIN
+from segar.experiments.benchmarking.row import Row
 from segar.suites import ALL_THAT_DIFFERS, Cause
 
 EFFECT = "shift_effect"
@@ -20,7 +20,7 @@ def causes_in(episodes: pd.DataFrame) -> pd.DataFrame:
     :meth:`segar.suites.Cause.row`; no line where there are no twins.
 
     Args:
-        episodes: of :meth:`experiments.benchmarking.row.Row.results`, one on each test level and twin.
+        episodes: of :meth:`segar.experiments.benchmarking.row.Row.results`, one on each test level and twin.
     """
     lines = []
     for (name, seed), part in episodes.groupby(["suite", "seed"], sort=False, dropna=False):  # type: ignore[misc]

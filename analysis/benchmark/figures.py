@@ -8,12 +8,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.benchmark.causes import EFFECT
-from analysis.benchmark.scores import DRAWN, OVERALL, PRACTICE
-from analysis.plotting import style
-from analysis.plotting.figures import entry, error_bars, legend_below, new_figure, zero_line
-from analysis.tables import column, select
-from experiments.benchmarking.protocol import REFERENCES
+from segar.analysis.benchmark.causes import EFFECT
+from segar.analysis.benchmark.scores import DRAWN, OVERALL, PRACTICE
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import entry, error_bars, legend_below, new_figure, zero_line
+from segar.analysis.tables import column, select
+from segar.experiments.benchmarking.protocol import REFERENCES
 
 SPREAD = 0.6  # of the width of an axis, over which rows stand side by side
 PROFILED = {

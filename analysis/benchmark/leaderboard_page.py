@@ -8,8 +8,8 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.benchmark.causes import EFFECT, effects_on
-from analysis.benchmark.scores import (
+from segar.analysis.benchmark.causes import EFFECT, effects_on
+from segar.analysis.benchmark.scores import (
     DRAWN,
     FIGURES,
     OVERALL,
@@ -19,11 +19,11 @@ from analysis.benchmark.scores import (
     learners_on,
     places_of,
 )
-from analysis.stats.ranking import FEWEST_SEEDS, MOST_SUITES, Generalizability, coverage, generalizability
-from analysis.tables import mean_by, select
-from experiments.benchmarking.drawn import LEVELS
-from experiments.benchmarking.protocol import BUDGETS, REFERENCES
-from experiments.benchmarking.row import Row, commitment_of_row
+from segar.analysis.stats.ranking import FEWEST_SEEDS, MOST_SUITES, Generalizability, coverage, generalizability
+from segar.analysis.tables import mean_by, select
+from segar.experiments.benchmarking.drawn import LEVELS
+from segar.experiments.benchmarking.protocol import BUDGETS, REFERENCES
+from segar.experiments.benchmarking.row import Row, commitment_of_row
 from segar.suites import RANDOM_PLAYS
 
 SEEDS = (3, 5, 10)  # numbers of seeds of which the page says what they can tell
@@ -93,12 +93,12 @@ Square brackets hold Student's 95 % intervals: the first ones over seeds, each o
 drawn levels; those called *over suites* let suites vary, too. The budget `laptop` is {laptop:,} frames of training on each
 suite with each seed, `server` {server:,}. Every row can be played again to the bit.
 
-This page is made from the tables beside it by `python -m experiments.benchmark table=true rows=docs/results/benchmark`.
+This page is made from the tables beside it by `segar benchmark table=true rows=docs/results/benchmark`.
 """
 PRACTICE_ONLY = """Rows whose levels were not drawn: the references, by which the others are measured, recorded actions, which
 cannot be played on new levels, and rows whose networks are not all here.
 """
-PANEL = """`python -m experiments.benchmark panel=true` plays these on drawn levels. A red row is not as it must be.
+PANEL = """`segar benchmark panel=true` plays these on drawn levels. A red row is not as it must be.
 """
 AXES_NOTE = """`all` leaves out suites of textures, the axis `look`, which agents that see states cannot play.
 """
@@ -118,10 +118,10 @@ HOW_TO = """
 ## Add a row
 
 ```sh
-python -m experiments.benchmark suite=core budget=laptop algorithm=my_lab.learner:MyConfig seeds=5 rows=docs/results/benchmark
-python -m experiments.benchmark suite=core policy=my_lab.method:policy row=mine seeds=5 rows=docs/results/benchmark
-python -m experiments.benchmark suite=core actions=FOLDER row=mine seeds=5 rows=docs/results/benchmark
-python -m experiments.benchmark verify=all rows=docs/results/benchmark
+segar benchmark suite=core budget=laptop algorithm=my_lab.learner:MyConfig seeds=5 rows=docs/results/benchmark
+segar benchmark suite=core policy=my_lab.method:policy row=mine seeds=5 rows=docs/results/benchmark
+segar benchmark suite=core actions=FOLDER row=mine seeds=5 rows=docs/results/benchmark
+segar benchmark verify=all rows=docs/results/benchmark
 ```
 
 The first command trains an algorithm of your own, the second one plays a method that was trained elsewhere in a process of its

@@ -6,20 +6,20 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.benchmark.causes import causes_of_rows
-from analysis.benchmark.figures import profile_figure, shown_rows
-from analysis.benchmark.leaderboard_page import overall_table, page_text, suite_table
-from analysis.benchmark.scores import OVERALL, by_name, figures_of, leaderboard, rows_in, suites_compared
-from analysis.benchmark.tracking import numbers_of, track_row
-from analysis.plotting.figures import save_figure
-from analysis.tables import write_csv
-from experiments.benchmarking.panel import PANEL, read_panel
-from experiments.benchmarking.protocol import REFERENCES, SHIPPED
-from experiments.benchmarking.row import Row
-from experiments.benchmarking.verification import is_verified
-from experiments.runs.files import write_text
-from experiments.runs.run_folder import root_folder
-from experiments.settings import TrackingConfig, construct
+from segar.analysis.benchmark.causes import causes_of_rows
+from segar.analysis.benchmark.figures import profile_figure, shown_rows
+from segar.analysis.benchmark.leaderboard_page import overall_table, page_text, suite_table
+from segar.analysis.benchmark.scores import OVERALL, by_name, figures_of, leaderboard, rows_in, suites_compared
+from segar.analysis.benchmark.tracking import numbers_of, track_row
+from segar.analysis.plotting.figures import save_figure
+from segar.analysis.tables import write_csv
+from segar.experiments.benchmarking.panel import PANEL, read_panel
+from segar.experiments.benchmarking.protocol import REFERENCES, SHIPPED
+from segar.experiments.benchmarking.row import Row
+from segar.experiments.benchmarking.verification import is_verified
+from segar.experiments.runs.files import write_text
+from segar.experiments.runs.run_folder import root_folder
+from segar.experiments.settings import TrackingConfig, construct
 from segar.suites import CORE
 from segar.support import counted
 
@@ -39,7 +39,7 @@ def report_rows(
     folder played.
 
     Args:
-        tracking, root: where results are tracked, see :class:`experiments.settings.TrackingConfig`; None: nowhere.
+        tracking, root: where results are tracked, see :class:`segar.experiments.settings.TrackingConfig`; None: nowhere.
 
     Raises:
         SegarError: a row is damaged, or the store of MLflow refuses.

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.benchmark.causes import EFFECT, shift_effects
-from analysis.stats.estimate import mean_of_replicates
-from analysis.stats.ranking import places
-from analysis.tables import Floats, keep
-from experiments.benchmarking.protocol import PLAYERS, REFERENCES, SIDES
-from experiments.benchmarking.row import ROW, Row, read_row
+from segar.analysis.benchmark.causes import EFFECT, shift_effects
+from segar.analysis.stats.estimate import mean_of_replicates
+from segar.analysis.stats.ranking import places
+from segar.analysis.tables import Floats, keep
 from segar.evaluation import Baselines
+from segar.experiments.benchmarking.protocol import PLAYERS, REFERENCES, SIDES
+from segar.experiments.benchmarking.row import ROW, Row, read_row
 from segar.suites import AXES, outline
 
 IDLE, RANDOM, PLANNER = REFERENCES
@@ -48,7 +48,7 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
     score is missing where no row of the references has played the levels, and the effect of the shift where no twins were.
 
     Args:
-        causes: of :func:`analysis.benchmark.causes.causes_of_rows`.
+        causes: of :func:`segar.analysis.benchmark.causes.causes_of_rows`.
     """
     means = {row.folder: LevelMeans(row) for row in rows}
     players = {name: [means[row.folder] for row in rows if row.method.name == name] for name in REFERENCES}
@@ -170,7 +170,7 @@ def leaderboard(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> pd.
 
 
 def places_of(table: pd.DataFrame, names: Sequence[str]) -> dict[str, tuple[int, int]]:
-    """The first and last place of each row by success on drawn levels, as of :func:`analysis.stats.ranking.places`."""
+    """The first and last place of each row by success on drawn levels, as of :func:`segar.analysis.stats.ranking.places`."""
     part = complete(keep(table, table[DRAWN].notna()), names)
     return places(part.pivot_table(DRAWN, "seed", "row")) if len(part) else {}
 

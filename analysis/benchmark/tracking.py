@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from analysis.benchmark.scores import FIGURES
-from analysis.tables import mean_by, select
-from experiments.benchmarking.row import Row
-from experiments.settings import TrackingConfig, flat
-from experiments.tracking.mlflow_store import replace_run
-from experiments.tracking.mlflow_sync import VALUE_LENGTH
+from segar.analysis.benchmark.scores import FIGURES
+from segar.analysis.tables import mean_by, select
+from segar.experiments.benchmarking.row import Row
+from segar.experiments.settings import TrackingConfig, flat
+from segar.experiments.tracking.mlflow_store import replace_run
+from segar.experiments.tracking.mlflow_sync import VALUE_LENGTH
 
 
 def track_row(

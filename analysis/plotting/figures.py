@@ -15,11 +15,11 @@ from matplotlib.lines import Line2D
 from numpy.polynomial import Polynomial
 from PIL import Image
 
-from analysis.plotting import style
-from analysis.plotting.names import word_for
-from analysis.stats.correlation import why_not
-from analysis.tables import column, select
-from experiments.runs.files import write_bytes
+from segar.analysis.plotting import style
+from segar.analysis.plotting.names import word_for
+from segar.analysis.stats.correlation import why_not
+from segar.analysis.tables import column, select
+from segar.experiments.runs.files import write_bytes
 
 METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},

@@ -1,5 +1,5 @@
 """What a representation knows of the true factors: pairs collected frame by frame, and several ways to ask."""
 
-from analysis.probes.information import mine_accuracy
+from segar.analysis.probes.information import mine_accuracy
 
 __all__ = ["mine_accuracy"]

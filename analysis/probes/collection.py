@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import torch
 
-from analysis.probes.pairs import NAME_OF_TYPE, Column, Frames
-from analysis.tables import Floats, Ints
-from experiments.algorithms.learner import PolicyNetwork
-from experiments.evaluation.episodes import Agent, action_rng, as_policy
-from experiments.evaluation.evaluator import OWN, load_agent, options_of
-from experiments.levels.builders import distribution_of
-from experiments.runs.run_folder import read_config
+from segar.analysis.probes.pairs import NAME_OF_TYPE, Column, Frames
+from segar.analysis.tables import Floats, Ints
 from segar.envs import VectorEnv, play
 from segar.errors import LevelError
 from segar.evaluation import Random
+from segar.experiments.algorithms.learner import PolicyNetwork
+from segar.experiments.evaluation.episodes import Agent, action_rng, as_policy
+from segar.experiments.evaluation.evaluator import OWN, load_agent, options_of
+from segar.experiments.levels.builders import distribution_of
+from segar.experiments.runs.run_folder import read_config
 from segar.language import Factor, GlobalFriction
 from segar.levels import Levels
 from segar.metrics import component, relevant_factors
@@ -117,7 +117,7 @@ def play_wave(
     """One episode in each environment, on the level that ``levels`` names, until all end or there are ``enough`` frames.
 
     Returns:
-        for each step, the arrays of :class:`analysis.probes.pairs.Frames` that it adds, by name.
+        for each step, the arrays of :class:`segar.analysis.probes.pairs.Frames` that it adds, by name.
     """
     parts: list[dict[str, Any]] = []
     observation, factors, frames = np.zeros(0), np.zeros(0), 0

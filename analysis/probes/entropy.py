@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.probes.pairs import Column
-from analysis.tables import Floats, Ints
+from segar.analysis.probes.pairs import Column
+from segar.analysis.tables import Floats, Ints
 from segar.noise import Noise
 
 BINS = 8  # log 8 = 2.08 nats for a law without atoms

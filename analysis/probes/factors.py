@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.probes.entropy import BINS, Quantised, quantise
-from analysis.probes.nearest import ksg_estimate
-from analysis.probes.pairs import Pairs, episode_folds, standardised_representation
-from analysis.probes.readouts import predict_linear, predict_mlp
-from analysis.stats.estimate import Estimate, student_p
-from analysis.stats.resampling import FEWEST_UNITS, no_interval
-from analysis.tables import Floats, Ints
+from segar.analysis.probes.entropy import BINS, Quantised, quantise
+from segar.analysis.probes.nearest import ksg_estimate
+from segar.analysis.probes.pairs import Pairs, episode_folds, standardised_representation
+from segar.analysis.probes.readouts import predict_linear, predict_mlp
+from segar.analysis.stats.estimate import Estimate, student_p
+from segar.analysis.stats.resampling import FEWEST_UNITS, no_interval
+from segar.analysis.tables import Floats, Ints
 from segar.errors import SegarError, did_you_mean
 
 PROBES = {"ridge": predict_linear, "mlp": predict_mlp}
@@ -38,8 +38,8 @@ def probe_factors(
 
     ``r2``            of numbers: 1 - squared error / variance, over all held-out frames; below 0 is worse than the mean
     ``accuracy``      of categories: mean over categories of the share that is recognised (balanced)
-    ``information``   nats that the held-out prediction has about the factor's cell (:mod:`analysis.probes.entropy`), hence
-                      no more than the representation has on average: mean of log q(cell | prediction) - log p(cell), q
+    ``information``   nats that the held-out prediction has about the factor's cell (:mod:`segar.analysis.probes.entropy`),
+                      hence no more than the representation has on average: mean of log q(cell | prediction) - log p(cell), q
                       being counted on other episodes. Below 0: nothing could be learned from so few episodes, as ``note``
                       says of every quantity that is not told from that of knowing nothing
     ``fraction``      the same as a share of the cell's entropy, which is exact where ``entropy_of`` is "law", and of the

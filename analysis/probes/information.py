@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from analysis.probes.critics import (
+from segar.analysis.probes.critics import (
     CriticSettings,
     infonce_value,
     jsd_value,
@@ -19,9 +19,9 @@ from analysis.probes.critics import (
     train_distance_critics,
     train_paper_critic,
 )
-from analysis.probes.pairs import Pairs, episode_folds, standardised, standardised_representation
-from analysis.stats.estimate import Estimate, mean_of_replicates
-from analysis.tables import Ints
+from segar.analysis.probes.pairs import Pairs, episode_folds, standardised, standardised_representation
+from segar.analysis.stats.estimate import Estimate, mean_of_replicates
+from segar.analysis.tables import Ints
 from segar.errors import SegarError, did_you_mean
 
 Marginal = Literal["joint", "paper"]

@@ -7,8 +7,8 @@ from scipy import stats
 from scipy.spatial import KDTree
 from scipy.special import digamma
 
-from analysis.stats.estimate import Estimate, student_p
-from analysis.tables import Floats, Ints
+from segar.analysis.stats.estimate import Estimate, student_p
+from segar.analysis.tables import Floats, Ints
 from segar.errors import SegarError
 
 NEIGHBOURS = 3

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.tables import Floats, Ints
+from segar.analysis.tables import Floats, Ints
 from segar.errors import LevelError
 from segar.noise import Noise
 

@@ -10,9 +10,9 @@ from sklearn.linear_model import LogisticRegression
 from torch import Tensor
 from torch.nn import functional as F
 
-from analysis.probes.critics import Embedding, draw_weights, torch_rng
-from analysis.probes.pairs import Pairs, episode_folds
-from analysis.tables import Floats, Ints
+from segar.analysis.probes.critics import Embedding, draw_weights, torch_rng
+from segar.analysis.probes.pairs import Pairs, episode_folds
+from segar.analysis.tables import Floats, Ints
 
 ALPHAS = 10.0 ** np.arange(-1, 8)  # of ridge, on standardised columns
 INNER_FOLDS = 4  # of the training episodes, by which alpha is chosen

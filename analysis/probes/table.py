@@ -11,18 +11,18 @@ import pandas as pd
 import torch
 from sklearn.decomposition import PCA
 
-from analysis.probes.collection import PAPER_FACTORS, collect_run
-from analysis.probes.critics import CriticSettings
-from analysis.probes.factors import probe_factors
-from analysis.probes.information import CHANCE, Bound, estimate_bounds, mine_of_2022
-from analysis.probes.pairs import Frames, Pairs, standardised
-from analysis.stats.estimate import mean_of_replicates
-from experiments.algorithms.learner import PolicyNetwork
-from experiments.evaluation.evaluator import new_policy, options_of, shape_in
-from experiments.evaluation.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
-from experiments.networks.encoders import initialize
-from experiments.runs.run_folder import LEVELS_TRAIN, computed_as_begun, read_config
+from segar.analysis.probes.collection import PAPER_FACTORS, collect_run
+from segar.analysis.probes.critics import CriticSettings
+from segar.analysis.probes.factors import probe_factors
+from segar.analysis.probes.information import CHANCE, Bound, estimate_bounds, mine_of_2022
+from segar.analysis.probes.pairs import Frames, Pairs, standardised
+from segar.analysis.stats.estimate import mean_of_replicates
 from segar.errors import SegarError
+from segar.experiments.algorithms.learner import PolicyNetwork
+from segar.experiments.evaluation.evaluator import new_policy, options_of, shape_in
+from segar.experiments.evaluation.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
+from segar.experiments.networks.encoders import initialize
+from segar.experiments.runs.run_folder import LEVELS_TRAIN, computed_as_begun, read_config
 from segar.levels import Levels
 
 TEST_LEVELS = 4  # at least two in each fold
@@ -42,7 +42,7 @@ def probe_run(folder: Path | str, config: ProbeConfig | None = None, seed: int =
     On test levels all frames of a level count as one episode, so that results are about levels that were not fitted on.
     Training levels, of which there may be one, are divided by episodes: there, to know the level is to know its factors.
 
-    Columns: ``run``, ``levels``, ``representation``, those of :func:`analysis.probes.factors.probe_factors`, where
+    Columns: ``run``, ``levels``, ``representation``, those of :func:`segar.analysis.probes.factors.probe_factors`, where
     ``factor`` is "all" for the bounds, whose ``probe`` is e.g. "jsd" and whose ``quantity`` is "accuracy" (chance 0.5) or
     "information" [nats]; there ``n`` counts replicates. Rows with ``probe`` "paper" are the accuracy of 2022: its
     factors, one step late, its shuffling and its critic, fitted on the training levels and scored there ("train", the

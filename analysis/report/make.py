@@ -1,4 +1,9 @@
-"""Makes the report of a results folder: claims, statistics, figures with their data, and a page."""
+"""``python -m analysis.report results=FOLDER``: claims, statistics, figures and a page from the tables of a folder.
+
+``FOLDER`` is one that segar.experiments.reproduce made, or one of docs/results; only its tables are read. Written there:
+``report.html``, ``claims.csv``, ``figures/<name>.{svg,png,csv}`` and ``statistics/<name>.csv``. ``pdf=true`` prints the page
+into ``report.pdf``, too, where Chromium is installed. ``only=[figure_3a]`` draws figures and makes nothing else.
+"""
 
 import shlex
 from dataclasses import dataclass
@@ -7,23 +12,24 @@ from typing import Any
 
 import numpy as np
 
-from analysis.report.claims import verdicts
-from analysis.report.claims.claim import CLAIMS, Claim
-from analysis.report.claims.evidence import GIVEN
-from analysis.report.document.blocks import Picture
-from analysis.report.document.files import PAGE, SUFFIXES, write_document, write_picture
-from analysis.report.paper import paper
-from analysis.report.study import is_study, study
-from analysis.report.subject import Subject
-from analysis.tables import write_csv
-from experiments.reproduction.experiment_file import PLAN
-from experiments.reproduction.imported_results import RUNS
-from experiments.runs.files import read_json
-from experiments.settings import CHECKOUT, RunFolderError, TrackingConfig, require_known
-from experiments.tracking.mlflow_store import replace_run
+from segar.analysis.report.claims import verdicts
+from segar.analysis.report.claims.claim import CLAIMS, Claim
+from segar.analysis.report.claims.evidence import GIVEN
+from segar.analysis.report.document.blocks import Picture
+from segar.analysis.report.document.files import PAGE, SUFFIXES, write_document, write_picture
+from segar.analysis.report.paper import paper
+from segar.analysis.report.study import is_study, study
+from segar.analysis.report.subject import Subject
+from segar.analysis.tables import write_csv
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.reproduction.experiment_file import PLAN
+from segar.experiments.reproduction.imported_results import RUNS
+from segar.experiments.runs.files import read_json
+from segar.experiments.settings import WORKSPACE, RunFolderError, TrackingConfig, require_known
+from segar.experiments.tracking.mlflow_store import replace_run
 from segar.support import counted
 
-SHIPPED = CHECKOUT / "docs" / "results"
+SHIPPED = WORKSPACE / "docs" / "results"
 SCALES = ("paper", "standard", "quick", "smoke")  # the largest first
 
 
@@ -51,7 +57,7 @@ class ReportConfig:
     def name(self) -> str:
         """The folder as commands in the report name it: from the checkout if it is there."""
         folder = self.folder
-        return str(folder.relative_to(CHECKOUT) if folder.is_relative_to(CHECKOUT) else folder)
+        return str(folder.relative_to(WORKSPACE) if folder.is_relative_to(WORKSPACE) else folder)
 
 
 @dataclass(frozen=True)
@@ -65,11 +71,11 @@ class Report:
 
 
 def report_results(results: Path) -> None:
-    """Makes the report of a results folder: what ``experiments.reproduce`` calls, as the plug-in ``report``."""
-    main(ReportConfig(str(results), tracking=True))
+    """Makes the report of a results folder: what ``segar reproduce`` calls, as the plug-in ``report``."""
+    report(ReportConfig(str(results), tracking=True))
 
 
-def main(config: ReportConfig) -> None:
+def report(config: ReportConfig) -> None:
     """Makes the report and prints what came of it."""
     made = make_report(config)
     results = made.subject.evidence.results
@@ -91,7 +97,7 @@ def make_report(config: ReportConfig) -> Report:
     for name in config.only:
         require_known("only", name, list(subject.figures))
     folder = Path(config.out).expanduser().resolve() if config.out else config.folder
-    command = f"python -m analysis.report results={shlex.quote(config.name)} only=[{{}}]"
+    command = f"segar report results={shlex.quote(config.name)} only=[{{}}]"
     drawn = {
         name: write_picture(draw, folder, name, command.format(name))
         for name, draw in subject.figures.items()
@@ -152,3 +158,8 @@ def headline_numbers(report: Report) -> dict[str, float]:
             if np.isfinite(found.estimate):
                 numbers |= {f"{mode}/{test}/pearson": found.estimate, f"{mode}/{test}/pearson_p": found.p}
     return numbers
+
+
+def main() -> None:
+    """The command, with what the command line states."""
+    run_from_command_line(report, ReportConfig)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from analysis.stats.estimate import Estimate
+from segar.analysis.stats.estimate import Estimate
 
 NONE = "–"
 NOISE = 1e-12  # a smaller number is the rounding error of a zero

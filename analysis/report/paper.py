@@ -3,14 +3,14 @@
 from functools import partial
 from pathlib import Path
 
-from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, claims_table
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.reading import read_claims
-from analysis.report.document.sections import document
-from analysis.report.document.tables import statistics
-from analysis.report.figures import FIGURES
-from analysis.report.results import read_results
-from analysis.report.subject import Subject
+from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, claims_table
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.reading import read_claims
+from segar.analysis.report.document.sections import document
+from segar.analysis.report.document.tables import statistics
+from segar.analysis.report.figures import FIGURES
+from segar.analysis.report.results import read_results
+from segar.analysis.report.subject import Subject
 
 READINGS = (METRIC_2022, METRIC_OURS)
 

@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.collect import CURVES, MISSING
-from analysis.plotting import style
-from analysis.plotting.names import word_for
-from analysis.report.rules import GATE_MARGIN
-from analysis.stats.association import keys, labels
-from analysis.tables import Floats, column, keep, read_frame, select
-from experiments.reproduction.experiment_file import PLAN
-from experiments.reproduction.imported_results import RUNS, TRANSFERS
-from experiments.runs.files import read_json
-from experiments.runs.run_folder import PROBES
-from experiments.settings import RunFolderError
+from segar.analysis.collect import CURVES, MISSING
+from segar.analysis.plotting import style
+from segar.analysis.plotting.names import word_for
+from segar.analysis.report.rules import GATE_MARGIN
+from segar.analysis.stats.association import keys, labels
+from segar.analysis.tables import Floats, column, keep, read_frame, select
 from segar.errors import SegarError, did_you_mean
+from segar.experiments.reproduction.experiment_file import PLAN
+from segar.experiments.reproduction.imported_results import RUNS, TRANSFERS
+from segar.experiments.runs.files import read_json
+from segar.experiments.runs.run_folder import PROBES
+from segar.experiments.settings import RunFolderError
 
 STUDIES = "studies"
 PANEL = ("family", "difficulty")

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from analysis.report.claims.claim import Claim
-from analysis.report.claims.evidence import Evidence
-from analysis.report.document.blocks import Document, Picture
-from analysis.report.figures.drawing import Drawn
+from segar.analysis.report.claims.claim import Claim
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.document.blocks import Document, Picture
+from segar.analysis.report.figures.drawing import Drawn
 
 
 @dataclass(frozen=True)

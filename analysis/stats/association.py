@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.stats.correlation import correlate, indicators, residuals, without_outliers
-from analysis.tables import Floats
+from segar.analysis.stats.correlation import correlate, indicators, residuals, without_outliers
+from segar.analysis.tables import Floats
 from segar.errors import SegarError, did_you_mean
 
 ASSOCIATION_COLUMNS = (

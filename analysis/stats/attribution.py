@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.stats.association import require
-from analysis.tables import Floats
+from segar.analysis.stats.association import require
+from segar.analysis.tables import Floats
 from segar.errors import SegarError
 
 MOST_GROUPS = 8  # 256 sets of levels

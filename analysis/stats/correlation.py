@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from analysis.stats.estimate import Estimate
-from analysis.tables import Floats
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.tables import Floats
 
 MIN_POINTS = 3  # two points always lie on a line
 LIMIT = 3.0  # |z| from which on a point is an outlier, as the paper has it

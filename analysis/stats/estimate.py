@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from analysis.tables import Floats
+from segar.analysis.tables import Floats
 
 ROUNDING = 1e-12  # width of an interval, as a part of its ends, that is none
 ALIKE = "all units are alike: no interval"

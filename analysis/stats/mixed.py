@@ -11,8 +11,8 @@ import pandas as pd
 import statsmodels.formula.api as smf
 from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
-from analysis.stats.association import keys, require
-from analysis.stats.estimate import Estimate
+from segar.analysis.stats.association import keys, require
+from segar.analysis.stats.estimate import Estimate
 from segar.errors import SegarError
 
 
@@ -48,7 +48,7 @@ def mixed_model(
 ) -> MixedModel:
     """``y ~ x + (1 | each of random)`` by restricted maximum likelihood (statsmodels), random effects crossed.
 
-    With few panels Wald's intervals are somewhat too short; :func:`analysis.stats.resampling.cluster_jackknife` of the
+    With few panels Wald's intervals are somewhat too short; :func:`segar.analysis.stats.resampling.cluster_jackknife` of the
     slope is the check.
 
     Args:

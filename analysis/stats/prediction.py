@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.stats.association import keys, require
-from analysis.stats.correlation import explained
-from analysis.tables import Floats
+from segar.analysis.stats.association import keys, require
+from segar.analysis.stats.correlation import explained
+from segar.analysis.tables import Floats
 
 
 def left_out(

@@ -11,9 +11,9 @@ from scipy import stats
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
-from analysis.stats.association import holm
-from analysis.stats.estimate import Estimate, mean_of_replicates
-from analysis.tables import Floats
+from segar.analysis.stats.association import holm
+from segar.analysis.stats.estimate import Estimate, mean_of_replicates
+from segar.analysis.tables import Floats
 
 FEWEST_SEEDS = 5  # that a row needs for a place
 ALPHA = 0.05

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from analysis.stats.association import keys, require
-from analysis.stats.correlation import residuals
-from analysis.stats.estimate import Estimate, mean_of_replicates, student_p
-from analysis.tables import Floats, column, keep
+from segar.analysis.stats.association import keys, require
+from segar.analysis.stats.correlation import residuals
+from segar.analysis.stats.estimate import Estimate, mean_of_replicates, student_p
+from segar.analysis.tables import Floats, column, keep
 from segar.errors import SegarError
 
 RESAMPLES = 2000

@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from analysis.stats.association import keys, labels, require
-from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import FEWEST_UNITS
-from analysis.tables import Floats
+from segar.analysis.stats.association import keys, labels, require
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.stats.resampling import FEWEST_UNITS
+from segar.analysis.tables import Floats
 from segar.errors import SegarError, did_you_mean
 
 RESAMPLES = 2000

@@ -1,4 +1,4 @@
-"""``python -m analysis.studies.baselines --output DIR``: what four players achieve in each panel.
+"""``python -m segar.analysis.studies.baselines --output DIR``: what four players achieve in each panel.
 
 The random, the idle, the scripted and the planning player need no training.
 
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.tables import write_csv
-from experiments.commands.command_line import run_from_command_line
+from segar.analysis.tables import write_csv
 from segar.evaluation import Idle, play_episodes
+from segar.experiments.commands.command_line import run_from_command_line
 from segar.hardness import Hardness, hardness
 from segar.language import Task
 from segar.levels import DIFFICULTIES, Levels, family

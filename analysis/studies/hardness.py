@@ -1,4 +1,4 @@
-"""``python -m analysis.studies.hardness --output DIR``: the hardness of levels with conditions on the reward.
+"""``python -m segar.analysis.studies.hardness --output DIR``: the hardness of levels with conditions on the reward.
 
 Nothing is trained.
 
@@ -11,11 +11,11 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.studies.baselines import hardness_of
-from analysis.tables import write_csv
-from experiments.commands.command_line import run_from_command_line
-from experiments.levels.conditions import CONDITIONS, conditional_puttputt
-from experiments.levels.variations import vary
+from segar.analysis.studies.baselines import hardness_of
+from segar.analysis.tables import write_csv
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.levels.conditions import CONDITIONS, conditional_puttputt
+from segar.experiments.levels.variations import vary
 from segar.levels import family
 
 PANEL = "empty-hard"

@@ -1,4 +1,4 @@
-"""``python -m analysis.studies.rule_sets --output DIR``: how far the rule sets of training are from those of the test.
+"""``python -m segar.analysis.studies.rule_sets --output DIR``: how far the rule sets of training are from those of the test.
 
 ``rule_sets.csv`` has one row per training set: ``rule_sets``, the number that it has; ``dynamics_w2``, the W2 of the
 distance between dynamics to the test levels' rule sets, with its standard error ``dynamics_se``; and ``dynamics_floor``, that
@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.tables import write_csv
-from experiments.commands.command_line import run_from_command_line
-from experiments.levels.builders import make_levels
-from experiments.levels.rule_sets import situations_of
-from experiments.settings import LevelsConfig
+from segar.analysis.tables import write_csv
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.levels.builders import make_levels
+from segar.experiments.levels.rule_sets import situations_of
+from segar.experiments.settings import LevelsConfig
 from segar.metrics import dynamics_w2
 
 DESIGNS = ("rule_sets_1", "rule_sets_10", "rule_sets_100", "rule_sets_1000", "rule_sets_10000",

@@ -1,4 +1,4 @@
-"""``python -m analysis.studies.training_sets --output DIR``: several measures of the training sets of an experiment.
+"""``python -m segar.analysis.studies.training_sets --output DIR``: several measures of the training sets of an experiment.
 
 ``training_sets.csv`` has one row per family, difficulty, n, seed and design, with these distances to the panel's test
 levels: ``w2_position`` (W2 of the places of ball, goal and all other things, whatever their types), ``w2_debiased`` (exact
@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.distance import cdist
 
-from analysis.tables import write_csv
-from experiments.commands.command_line import run_from_command_line
-from experiments.levels.builders import pick_levels
-from experiments.settings import LevelsConfig
+from segar.analysis.tables import write_csv
 from segar.errors import LevelError
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.levels.builders import pick_levels
+from segar.experiments.settings import LevelsConfig
 from segar.language import GoalTile, GolfBall, Position
 from segar.levels import DIFFICULTIES, Levels, family
 from segar.metrics import decompose, w2_debiased

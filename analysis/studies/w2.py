@@ -1,4 +1,4 @@
-"""``python -m analysis.studies.w2 --output DIR``: W2 of n training levels to 100 test levels, without training.
+"""``python -m segar.analysis.studies.w2 --output DIR``: W2 of n training levels to 100 test levels, without training.
 
 Nine panels, and six pairs of a panel and the next harder one, for eight n and several seeds:
 
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.stats.correlation import explained, indicators
-from analysis.tables import column, select, write_csv
-from experiments.commands.command_line import run_from_command_line
+from segar.analysis.stats.correlation import explained, indicators
+from segar.analysis.tables import column, select, write_csv
+from segar.experiments.commands.command_line import run_from_command_line
 from segar.levels import family
 from segar.metrics import ks, w2
 

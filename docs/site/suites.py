@@ -16,9 +16,9 @@ from environments import GAP, SIDE, draw, table
 from PIL import Image
 from playgrounds import BUILD
 
-from analysis.benchmark.leaderboard_page import rows_on
-from experiments.benchmarking.protocol import SHIPPED
+from segar.analysis.benchmark.leaderboard_page import rows_on
 from segar.envs import VectorEnv
+from segar.experiments.benchmarking.protocol import SHIPPED
 from segar.levels import Levels
 from segar.observations import TexturedPixels
 from segar.suites import AXES, Suite, card, suite, suites
@@ -80,7 +80,7 @@ Of the levels that were drawn for the test, {unsolved} were left out because the
 ## Train on it
 
 ```sh
-python -m experiments.train suite={name} seed=1 levels.seed=1
+segar train suite={name} seed=1 levels.seed=1
 ```
 
 ```python

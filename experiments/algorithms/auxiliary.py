@@ -14,17 +14,17 @@ from torch import Tensor, nn
 from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
-from experiments.algorithms.ppo import PPO
-from experiments.collection.collector import Rollout, action_size, observation_shape, require_frames
-from experiments.networks.augmentations import random_crop, random_intensity, random_shift
-from experiments.networks.encoders import initialize
 from segar.envs import VectorEnv
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.collection.collector import Rollout, action_size, observation_shape, require_frames
+from segar.experiments.networks.augmentations import random_crop, random_intensity, random_shift
+from segar.experiments.networks.encoders import initialize
 
 M = TypeVar("M", bound=nn.Module)
 
 
 class Auxiliary(ABC):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`: a PPO, an auxiliary loss, and the optimiser of both."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`: a PPO, an auxiliary loss, their optimiser."""
 
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
         require_frames(config.name, observation_shape(env))

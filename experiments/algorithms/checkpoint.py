@@ -16,11 +16,11 @@ from typing import Any
 import torch
 from torch import nn
 
-from experiments.algorithms.learner import Learner
-from experiments.runs.executed_code import differing_parts
-from experiments.runs.files import replacing, write_bytes
-from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
-from experiments.settings import CheckpointError, RunConfig, TrainingError
+from segar.experiments.algorithms.learner import Learner
+from segar.experiments.runs.executed_code import differing_parts
+from segar.experiments.runs.files import replacing, write_bytes
+from segar.experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
+from segar.experiments.settings import CheckpointError, RunConfig, TrainingError
 from segar.support import DAMAGE, first_line, misfit, opened
 
 FORMAT = 1
@@ -47,7 +47,7 @@ def save_checkpoint(
 
     Args:
         extra: further state of the run: tensors, numbers, text, and dicts and lists of these.
-        code: the parts of :func:`experiments.runs.executed_code.executed_code`.
+        code: the parts of :func:`segar.experiments.runs.executed_code.executed_code`.
 
     Raises:
         TrainingError: a weight is not finite; the old checkpoints stay.

@@ -13,12 +13,12 @@ from tensordict import TensorDict, TensorDictBase
 from torch import nn
 from torch.nn import functional as F
 
-from experiments.algorithms.auxiliary import Auxiliary, CodeLoss
-from experiments.collection.collector import Rollout
+from segar.experiments.algorithms.auxiliary import Auxiliary, CodeLoss
+from segar.experiments.collection.collector import Rollout
 
 
 class CURL(Auxiliary):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     def make_loss(self, actions: int) -> CURLLoss:
         """The contrastive loss of two views of each frame."""
@@ -43,7 +43,7 @@ class CURLLoss(CodeLoss):
     Args:
         code: maps a representation to the code that is compared; it has targets, as the encoder does.
         similarity: W, a dense layer without bias.
-        distinct: see :class:`experiments.algorithms.auxiliary.CodeLoss`.
+        distinct: see :class:`segar.experiments.algorithms.auxiliary.CodeLoss`.
     """
 
     def __init__(self, encoder: nn.Module, code: nn.Module, similarity: nn.Module, distinct: bool) -> None:

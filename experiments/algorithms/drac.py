@@ -31,9 +31,10 @@ from torch import Tensor, nn
 from torch.distributions import kl_divergence
 from torchrl.objectives import ClipPPOLoss
 
-from experiments.algorithms.ppo import LOGGED, PPO, clipped_loss
-from experiments.collection.collector import Rollout, observation_shape, require_frames
-from experiments.networks.augmentations import (
+from segar.envs import VectorEnv
+from segar.experiments.algorithms.ppo import LOGGED, PPO, clipped_loss
+from segar.experiments.collection.collector import Rollout, observation_shape, require_frames
+from segar.experiments.networks.augmentations import (
     greyscale,
     random_colour_jitter,
     random_convolution,
@@ -42,9 +43,8 @@ from experiments.networks.augmentations import (
     random_rotation,
     random_shift,
 )
-from experiments.networks.policies import SquashedNormal
-from experiments.settings import DrACConfig
-from segar.envs import VectorEnv
+from segar.experiments.networks.policies import SquashedNormal
+from segar.experiments.settings import DrACConfig
 
 CACHED = 64  # frames that are changed together: so many stay in a processor's cache, which takes half the time
 Augmentation = Callable[[Tensor, DrACConfig, torch.Generator], Tensor]
@@ -62,7 +62,7 @@ AUGMENTATIONS: Mapping[str, Augmentation] = {
 
 
 class DrAC(PPO):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     config: DrACConfig
     logged: ClassVar[Mapping[str, str]] = {

@@ -16,12 +16,12 @@ from torch import Tensor, nn
 from torchrl.objectives import SACLoss
 from torchrl.objectives.common import LossModule
 
-from experiments.algorithms.off_policy import OffPolicy
-from experiments.algorithms.sac import Critic, GaussianActor, make_sac_loss
-from experiments.networks.augmentations import random_shift
-from experiments.networks.encoders import initialize, make_encoder
-from experiments.networks.policies import actions_of, representation_of
-from experiments.settings import ConfigError, DrQConfig
+from segar.experiments.algorithms.off_policy import OffPolicy
+from segar.experiments.algorithms.sac import Critic, GaussianActor, make_sac_loss
+from segar.experiments.networks.augmentations import random_shift
+from segar.experiments.networks.encoders import initialize, make_encoder
+from segar.experiments.networks.policies import actions_of, representation_of
+from segar.experiments.settings import ConfigError, DrQConfig
 
 
 class DrQPolicy(nn.Module):
@@ -66,7 +66,7 @@ class ProjectedCritic(nn.Module):
 
 
 class DrQ(OffPolicy):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     @staticmethod
     def make_policy(config: DrQConfig, observation_shape: tuple[int, ...], actions: int) -> DrQPolicy:

@@ -1,8 +1,8 @@
 """The protocol of algorithms: a learner collects and learns by iterations, and owns a policy that acts.
 
-An algorithm of your own is three things: a frozen sub-class of :class:`experiments.settings.config.AlgorithmConfig` with its
-settings, whose ``learner`` names a class as ``module:Class``; that class, which has the members of :class:`Learner`; and a
-YAML in ``conf/algorithm/`` that names the settings. :class:`experiments.algorithms.ppo.PPO` is one to start from.
+An algorithm of your own is three things: a frozen sub-class of :class:`segar.experiments.settings.config.AlgorithmConfig` with
+its settings, whose ``learner`` names a class as ``module:Class``; that class, which has the members of :class:`Learner`; and a
+YAML in ``conf/algorithm/`` that names the settings. :class:`segar.experiments.algorithms.ppo.PPO` is one to start from.
 """
 
 from collections.abc import Iterable, Mapping
@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from experiments.settings import AlgorithmConfig, ConfigError, import_object
 from segar.envs import VectorEnv
+from segar.experiments.settings import AlgorithmConfig, ConfigError, import_object
 
 SHOWN = 6  # members that an error lists, at most
 
@@ -58,7 +58,7 @@ class Learner(Protocol):
         """Collects and learns once, and counts ``frames``; returns figures to log.
 
         Progress shows ``episode/return`` and ``episode/success``, which
-        :func:`experiments.collection.collector.mean_figures` computes. A figure that is not finite ends the run.
+        :func:`segar.experiments.collection.collector.mean_figures` computes. A figure that is not finite ends the run.
         """
         ...
 
@@ -97,5 +97,5 @@ def _require_members(found: Any, members: Iterable[str], problem: str) -> None:
     if lacking:
         shown = ", ".join(lacking[:SHOWN]) + (", ..." if len(lacking) > SHOWN else "")
         raise ConfigError(
-            f"algorithm: {problem}: it lacks {shown}. experiments.algorithms.learner says what each is for"
+            f"algorithm: {problem}: it lacks {shown}. segar.experiments.algorithms.learner says what each is for"
         )

@@ -13,16 +13,16 @@ from torch import Tensor, nn
 from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
-from experiments.collection.collector import action_size, figures_at_end, mean_figures, observation_shape
-from experiments.collection.environment_state import as_tensors, from_tensors
-from experiments.collection.replay import Replay
-from experiments.collection.rewards import learner_reward
-from experiments.networks.devices import require_one_device, usable_device
 from segar.envs import VectorEnv
+from segar.experiments.collection.collector import action_size, figures_at_end, mean_figures, observation_shape
+from segar.experiments.collection.environment_state import as_tensors, from_tensors
+from segar.experiments.collection.replay import Replay
+from segar.experiments.collection.rewards import learner_reward
+from segar.experiments.networks.devices import require_one_device, usable_device
 
 
 class OffPolicy(ABC):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
         self.config, self.env, self.device = config, env, usable_device(config.device)

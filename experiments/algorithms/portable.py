@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import torch
 
-from experiments.algorithms.drq import DrQPolicy
-from experiments.algorithms.ppg import PPGPolicy
-from experiments.algorithms.ppo import PPOPolicy
-from experiments.algorithms.recurrent_ppo import RecurrentPolicy
-from experiments.algorithms.sac import GaussianActor, SACPolicy
-from experiments.networks.portable import WAY_OUT, Layers
-from experiments.settings import ConfigError
 from segar.envs import VectorEnv
 from segar.errors import SegarError
+from segar.experiments.algorithms.drq import DrQPolicy
+from segar.experiments.algorithms.ppg import PPGPolicy
+from segar.experiments.algorithms.ppo import PPOPolicy
+from segar.experiments.algorithms.recurrent_ppo import RecurrentPolicy
+from segar.experiments.algorithms.sac import GaussianActor, SACPolicy
+from segar.experiments.networks.portable import WAY_OUT, Layers
+from segar.experiments.settings import ConfigError
 from segar.language import Task
 from segar.policies import Network, NetworkPolicy
 

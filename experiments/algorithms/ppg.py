@@ -24,11 +24,11 @@ from tensordict import TensorDict
 from torch import Tensor, nn
 from torch.distributions import kl_divergence
 
-from experiments.algorithms.ppo import PPO, PPOPolicy, random_parts
-from experiments.collection.collector import Rollout
-from experiments.networks.policies import SquashedNormal, make_head
-from experiments.settings import ConfigError, PPGConfig
 from segar.envs import VectorEnv
+from segar.experiments.algorithms.ppo import PPO, PPOPolicy, random_parts
+from segar.experiments.collection.collector import Rollout
+from segar.experiments.networks.policies import SquashedNormal, make_head
+from segar.experiments.settings import ConfigError, PPGConfig
 
 
 class PPGPolicy(PPOPolicy):
@@ -45,7 +45,7 @@ class PPGPolicy(PPOPolicy):
 
 
 class PPG(PPO):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     config: PPGConfig
 

@@ -1,6 +1,6 @@
 """Proximal policy optimisation (Schulman et al. 2017), on TorchRL's clipped loss and advantage estimate.
 
-    python -m experiments.train algorithm=ppo_fast observation=state levels=objectsx1-easy levels.count=100 \\
+    segar train algorithm=ppo_fast observation=state levels=objectsx1-easy levels.count=100 \\
         scale.frames=200_000 evaluation.interval=50_000
 
 Its curve (training seed 0, 100 test levels, deterministic actions):
@@ -11,9 +11,9 @@ Its curve (training seed 0, 100 test levels, deterministic actions):
 
 Read from :meth:`PPO.iterate` downwards: each iteration collects ``num_steps`` steps in every environment, estimates
 advantages, and takes ``epochs`` passes over ``minibatches``. A truncated episode bootstraps from the value of its last
-observation (:meth:`experiments.collection.collector.Collector.bootstrap`), a terminated one from 0. Where returns go on over
-the trials of a level (:class:`experiments.algorithms.recurrent_ppo.RecurrentPPO`), this holds for the last trial alone: all
-others bootstrap from the value of the next trial's first observation.
+observation (:meth:`segar.experiments.collection.collector.Collector.bootstrap`), a terminated one from 0. Where returns go on
+over the trials of a level (:class:`segar.experiments.algorithms.recurrent_ppo.RecurrentPPO`), this holds for the last trial
+alone: all others bootstrap from the value of the next trial's first observation.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from torch._dynamo.exc import BackendCompilerFailed
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
-from experiments.collection.async_collector import AsyncCollector
-from experiments.collection.collector import Collected, Collector, Rollout, action_size, observation_shape
-from experiments.collection.device_collector import DeviceCollector
-from experiments.collection.rewards import ReturnScale, learner_reward
-from experiments.networks.devices import usable_device
-from experiments.networks.encoders import FrameEncoder, initialize, make_encoder
-from experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
-from experiments.settings import PPOConfig, TrainingError
 from segar.envs import VectorEnv
+from segar.experiments.collection.async_collector import AsyncCollector
+from segar.experiments.collection.collector import Collected, Collector, Rollout, action_size, observation_shape
+from segar.experiments.collection.device_collector import DeviceCollector
+from segar.experiments.collection.rewards import ReturnScale, learner_reward
+from segar.experiments.networks.devices import usable_device
+from segar.experiments.networks.encoders import FrameEncoder, initialize, make_encoder
+from segar.experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
+from segar.experiments.settings import PPOConfig, TrainingError
 from segar.levels import Levels
 
 # Figures of the loss, and their names in the metrics.
@@ -54,7 +54,7 @@ LOGGED = {
 
 
 class PPO:
-    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     logged: ClassVar[Mapping[str, str]] = LOGGED
 
@@ -222,7 +222,7 @@ class PPOPolicy(nn.Module):
         return loc, scale, self.value(hidden if self.shared else observation)
 
     def step(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """See :class:`experiments.collection.collector.ActorCritic`; there is no memory."""
+        """See :class:`segar.experiments.collection.collector.ActorCritic`; there is no memory."""
         return (*self(observation), memory)
 
     def prepare(self, observation: Tensor, done: Tensor) -> Tensor:

@@ -19,12 +19,12 @@ from torch import Tensor, nn
 from torchrl.modules import GRUModule, LSTMModule, set_recurrent_mode
 from torchrl.objectives import ClipPPOLoss
 
-from experiments.algorithms.ppo import PPO, clipped_loss
-from experiments.collection.collector import Rollout
-from experiments.networks.encoders import initialize, make_encoder
-from experiments.networks.policies import make_head, representation_of, squashed_actions
-from experiments.settings import RecurrentPPOConfig
 from segar.envs import VectorEnv
+from segar.experiments.algorithms.ppo import PPO, clipped_loss
+from segar.experiments.collection.collector import Rollout
+from segar.experiments.networks.encoders import initialize, make_encoder
+from segar.experiments.networks.policies import make_head, representation_of, squashed_actions
+from segar.experiments.settings import RecurrentPPOConfig
 
 CORES = {"gru": GRUModule, "lstm": LSTMModule}
 STATES = {"gru": ("h",), "lstm": ("h", "c")}  # what each core remembers
@@ -74,7 +74,7 @@ class RecurrentPolicy(nn.Module):
         return self.mean(hidden), self.log_std(hidden).clamp(*self.log_std_range).exp()
 
     def step(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """See :class:`experiments.collection.collector.ActorCritic`."""
+        """See :class:`segar.experiments.collection.collector.ActorCritic`."""
         states = [part.contiguous()[None] for part in memory.chunk(len(self.states), -1)]
         hidden, after = self.cells(self.encoder(observation)[:, None], states[0] if len(states) == 1 else tuple(states))
         hidden = hidden[:, 0]
@@ -101,7 +101,7 @@ class RecurrentPolicy(nn.Module):
 
 
 class RecurrentPPO(PPO):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     config: RecurrentPPOConfig
 

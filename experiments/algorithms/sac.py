@@ -11,10 +11,10 @@ from tensordict.nn import ProbabilisticTensorDictModule, ProbabilisticTensorDict
 from torch import Tensor, nn
 from torchrl.objectives import SACLoss
 
-from experiments.algorithms.off_policy import OffPolicy
-from experiments.networks.encoders import MLP, initialize
-from experiments.networks.policies import SquashedNormal, actions_of, representation_of
-from experiments.settings import ConfigError, SACConfig
+from segar.experiments.algorithms.off_policy import OffPolicy
+from segar.experiments.networks.encoders import MLP, initialize
+from segar.experiments.networks.policies import SquashedNormal, actions_of, representation_of
+from segar.experiments.settings import ConfigError, SACConfig
 
 
 class GaussianActor(nn.Module):
@@ -71,7 +71,7 @@ class SACPolicy(nn.Module):
 
 
 class SAC(OffPolicy):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     @staticmethod
     def make_policy(config: SACConfig, observation_shape: tuple[int, ...], actions: int) -> SACPolicy:

@@ -14,12 +14,12 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from experiments.algorithms.auxiliary import Auxiliary, CodeLoss
-from experiments.collection.collector import Rollout
+from segar.experiments.algorithms.auxiliary import Auxiliary, CodeLoss
+from segar.experiments.collection.collector import Rollout
 
 
 class SPR(Auxiliary):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     def make_loss(self, actions: int) -> SPRLoss:
         """The loss of the predictions."""
@@ -59,7 +59,7 @@ class SPRLoss(CodeLoss):
     Args:
         model: predicts codes, and projects representations to codes; the projection has targets, as the encoder does.
         weight: of the loss.
-        distinct: see :class:`experiments.algorithms.auxiliary.CodeLoss`.
+        distinct: see :class:`segar.experiments.algorithms.auxiliary.CodeLoss`.
     """
 
     def __init__(self, encoder: nn.Module, model: Model, weight: float, distinct: bool) -> None:

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmarking.level_sets import number_of_levels
-from experiments.benchmarking.playing import SEED, options_of, play_each, read_actions
-from experiments.benchmarking.policy_process import SECONDS, PolicyProcess
-from experiments.benchmarking.row import RANDOM_PLAYS, Drawn, Method, Piece
-from experiments.runs.files import read_json, write_text
-from experiments.settings import ConfigError, RunFolderError
 from segar.envs import Policy, VectorEnv
 from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scripted, record_actions
+from segar.experiments.benchmarking.level_sets import number_of_levels
+from segar.experiments.benchmarking.playing import SEED, options_of, play_each, read_actions
+from segar.experiments.benchmarking.policy_process import SECONDS, PolicyProcess
+from segar.experiments.benchmarking.row import RANDOM_PLAYS, Drawn, Method, Piece
+from segar.experiments.runs.files import read_json, write_text
+from segar.experiments.settings import ConfigError, RunFolderError
 from segar.hardness import Plan, plan
 from segar.levels import Levels, hash_of_levels
 from segar.policies import Network, NetworkPolicy
@@ -95,7 +95,7 @@ def play_drawn(
     """What comes of the drawn levels of a piece: equal bits everywhere.
 
     Args:
-        method: with the settings by which it plays, :data:`experiments.benchmarking.row.DRAWN`.
+        method: with the settings by which it plays, :data:`segar.experiments.benchmarking.row.DRAWN`.
         file: of the piece. seconds: the longest wait for a policy of somebody else's.
 
     Raises:

@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from experiments.benchmarking.protocol import CONTROL, REFERENCES, TWIN
-from experiments.benchmarking.row import Method
-from experiments.settings import ENDLESS
+from segar.experiments.benchmarking.protocol import CONTROL, REFERENCES, TWIN
+from segar.experiments.benchmarking.row import Method
+from segar.experiments.settings import ENDLESS
 from segar.levels import Levels, hash_of_levels
 from segar.suites import Suite, looks_like, suite, twins
 

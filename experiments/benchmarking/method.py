@@ -3,10 +3,10 @@
 import dataclasses
 from typing import Any
 
-from experiments.benchmarking.protocol import PLAYERS
-from experiments.benchmarking.row import ROW, TRAINED, Method, Row
-from experiments.benchmarking.settings import BenchmarkConfig
-from experiments.settings import ConfigError, LevelCount, RunConfig, RunFolderError, as_data, run_config
+from segar.experiments.benchmarking.protocol import PLAYERS
+from segar.experiments.benchmarking.row import ROW, TRAINED, Method, Row
+from segar.experiments.benchmarking.settings import BenchmarkConfig
+from segar.experiments.settings import ConfigError, LevelCount, RunConfig, RunFolderError, as_data, run_config
 
 NOT_OF_METHOD = ("levels", "evaluation", "seed", "frames")  # parts of a run's identity that differ from piece to piece
 SAYS = {

@@ -11,13 +11,13 @@ from typing import Any, cast
 import numpy as np
 from gymnasium.spaces import Box
 
-from experiments.benchmarking.drawn import LEVELS, draw, drawn_of
-from experiments.benchmarking.level_sets import number_of_levels
-from experiments.benchmarking.playing import options_of, play_each
-from experiments.benchmarking.row import RANDOM_PLAYS, Piece, Row, read_row
-from experiments.runs.files import read_json, write_text
 from segar.envs import Policy, VectorEnv
 from segar.evaluation import Idle, Random, RecordedActions, Scripted
+from segar.experiments.benchmarking.drawn import LEVELS, draw, drawn_of
+from segar.experiments.benchmarking.level_sets import number_of_levels
+from segar.experiments.benchmarking.playing import options_of, play_each
+from segar.experiments.benchmarking.row import RANDOM_PLAYS, Piece, Row, read_row
+from segar.experiments.runs.files import read_json, write_text
 from segar.metrics import cost_matrix
 from segar.policies import Network, NetworkPolicy
 from segar.suites import plans_on, suite

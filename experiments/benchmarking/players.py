@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.benchmarking.drawn import policy_process
-from experiments.benchmarking.level_sets import LevelSet, hashes_of, plays_twins, sets_of
-from experiments.benchmarking.playing import options_of, play_actions, play_player, read_actions, write_actions
-from experiments.benchmarking.policy_process import SECONDS
-from experiments.benchmarking.protocol import SIDES, piece_name
-from experiments.benchmarking.row import Method, Piece, file_hash, read_piece, write_piece
-from experiments.runs.versions import versions
 from segar.evaluation import record_actions
+from segar.experiments.benchmarking.drawn import policy_process
+from segar.experiments.benchmarking.level_sets import LevelSet, hashes_of, plays_twins, sets_of
+from segar.experiments.benchmarking.playing import options_of, play_actions, play_player, read_actions, write_actions
+from segar.experiments.benchmarking.policy_process import SECONDS
+from segar.experiments.benchmarking.protocol import SIDES, piece_name
+from segar.experiments.benchmarking.row import Method, Piece, file_hash, read_piece, write_piece
+from segar.experiments.runs.versions import versions
 from segar.suites import Suite, suite
 
 ACTIONS = "actions.npz"
@@ -74,7 +74,7 @@ def actions_of(
     task: PlayerTask, of: Suite, sets: Mapping[str, LevelSet]
 ) -> tuple[dict[str, np.ndarray], Mapping[str, str]]:
     """The actions that a policy takes on level sets, and the code that made it; see :func:`segar.evaluation.record_actions` and
-    :class:`experiments.benchmarking.policy_process.PolicyProcess`, which says what is raised."""
+    :class:`segar.experiments.benchmarking.policy_process.PolicyProcess`, which says what is raised."""
     # What is seen may differ from side to side, but its numbers do not.
     options = {
         side: {**options_of(of, task.method, sets["train"].levels, side), "unit_actions": False} for side in SIDES

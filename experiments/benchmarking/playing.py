@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from experiments.benchmarking.level_sets import LevelSet, number_of_levels, sets_of
-from experiments.benchmarking.protocol import CONTROL, SIDES, TWIN
-from experiments.benchmarking.row import EPISODES, Method, Piece
-from experiments.levels.builders import environment_options
-from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
 from segar.envs import Policy
 from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scripted, evaluate_levels, play_episodes
+from segar.experiments.benchmarking.level_sets import LevelSet, number_of_levels, sets_of
+from segar.experiments.benchmarking.protocol import CONTROL, SIDES, TWIN
+from segar.experiments.benchmarking.row import EPISODES, Method, Piece
+from segar.experiments.levels.builders import environment_options
+from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
 from segar.levels import Levels, hash_of_levels
 from segar.policies import Network, NetworkPolicy
 from segar.suites import RANDOM_PLAYS, Suite, plans_on

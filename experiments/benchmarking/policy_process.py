@@ -19,10 +19,10 @@ import gymnasium
 import numpy as np
 from gymnasium.vector.utils import create_shared_memory, read_from_shared_memory
 
-from experiments.runs.executed_code import code_after, code_of
-from experiments.settings import ConfigError, TrainingError, import_object, without_files
 from segar.envs import VectorEnv, begin_policy
 from segar.evaluation import checked_actions
+from segar.experiments.runs.executed_code import code_after, code_of
+from segar.experiments.settings import ConfigError, TrainingError, import_object, without_files
 from segar.language import Task
 from segar.suites import TrainingSide, hide_tests
 
@@ -50,7 +50,7 @@ class PolicyProcess:
         seconds: the longest wait for each answer, that of the function itself included.
 
     Attributes:
-        code: of the modules that made it; see :func:`experiments.runs.executed_code.code_of`.
+        code: of the modules that made it; see :func:`segar.experiments.runs.executed_code.code_of`.
 
     Raises:
         ConfigError: there is no such function, it makes no policy, or actions are none.

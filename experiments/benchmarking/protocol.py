@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from experiments.settings import CHECKOUT, ConfigError
 from segar.errors import did_you_mean
+from segar.experiments.settings import WORKSPACE, ConfigError
 from segar.suites import CORE, Suite, outline, suites
 
 ALL = "all"  # all suites that come with SEGAR
@@ -18,7 +18,7 @@ PRIVILEGED = ("script", "planner")
 """Players that know more than a policy may: the true factors, or the simulator."""
 PROTOCOL = 2
 """The version of the protocol by which levels are drawn from what a row is; rows of different ones do not compare."""
-SHIPPED = CHECKOUT / "docs" / "results" / "benchmark"
+SHIPPED = WORKSPACE / "docs" / "results" / "benchmark"
 """The folder of the rows that come with SEGAR."""
 SIDES = ("train", "test")
 TWIN, CONTROL = "twin-", "control-"

@@ -23,10 +23,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from experiments.benchmarking.protocol import PRIVILEGED, PROTOCOL
-from experiments.runs.files import locked, read_json, read_table, replacing, write_text
-from experiments.runs.trust import settings_of_file
-from experiments.settings import RunFolderError
+from segar.experiments.benchmarking.protocol import PRIVILEGED, PROTOCOL
+from segar.experiments.runs.files import locked, read_json, read_table, replacing, write_text
+from segar.experiments.runs.trust import settings_of_file
+from segar.experiments.settings import RunFolderError
 from segar.support import first_line, sha256_of, shown
 
 FORMAT = 1
@@ -144,8 +144,8 @@ class Method:
 
     Attributes:
         name: of the row. kind: one of :data:`KINDS`. says: what the method is, in a sentence.
-        budget: a name in :data:`experiments.benchmarking.protocol.BUDGETS`, or empty. frames: of each training; None where
-            nothing is trained here.
+        budget: a name in :data:`segar.experiments.benchmarking.protocol.BUDGETS`, or empty. frames: of each training; None
+            where nothing is trained here.
         settings: that decide results, as plain data.
     """
 
@@ -201,7 +201,7 @@ class Row:
 
         Raises:
             RunFolderError: they name Python objects of packages that are not ``trusted``; see
-                :func:`experiments.runs.trust.settings_of_file`.
+                :func:`segar.experiments.runs.trust.settings_of_file`.
         """
         used = {key: value for key, value in self.method.settings.items() if key in names}
         return settings_of_file(self.folder / ROW, {"settings": used}, trusted)["settings"]
@@ -232,7 +232,7 @@ def read_row(folder: Path) -> Row:
     if stated != hash_of(data):
         raise RunFolderError(
             f"{path} was edited: its hash is {hash_of(data)}, and it says {stated}. A changed row is another one: make it with"
-            " python -m experiments.benchmark"
+            " segar benchmark"
         )
     listed = {**data["files"], **({} if means is None else {MEANS: means})}
     there = {one.name for one in folder.iterdir() if one.is_file() and one.name != ROW}

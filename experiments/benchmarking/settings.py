@@ -4,11 +4,11 @@ import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from experiments.benchmarking.policy_process import SECONDS
-from experiments.benchmarking.protocol import BUDGETS, PLAYERS, SHIPPED, is_about_looks, suites_named
-from experiments.benchmarking.row import NAME
-from experiments.runs.run_folder import runs_root
-from experiments.settings import ConfigError, Count, LevelCount, RunConfig, require, require_known
+from segar.experiments.benchmarking.policy_process import SECONDS
+from segar.experiments.benchmarking.protocol import BUDGETS, PLAYERS, SHIPPED, is_about_looks, suites_named
+from segar.experiments.benchmarking.row import NAME
+from segar.experiments.runs.run_folder import runs_root
+from segar.experiments.settings import ConfigError, Count, LevelCount, RunConfig, require, require_known
 from segar.suites import TEXTURED
 from segar.support import EVERYTHING
 

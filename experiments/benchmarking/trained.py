@@ -3,17 +3,17 @@
 import dataclasses
 from pathlib import Path
 
-from experiments.algorithms.portable import network_of
-from experiments.benchmarking.level_sets import hashes_of, number_of_levels, plays_twins, sets_of
-from experiments.benchmarking.playing import play_network
-from experiments.benchmarking.row import Method, NewPiece, Piece, read_piece, write_piece
-from experiments.collection.collector import observation_shape
-from experiments.commands import process_defaults as runtime
-from experiments.evaluation.evaluator import load_agent, options_of
-from experiments.runs.executed_code import files_of_code
-from experiments.runs.run_folder import EVALUATIONS, folder_path, read_versions
-from experiments.settings import RunConfig
 from segar.envs import VectorEnv
+from segar.experiments.algorithms.portable import network_of
+from segar.experiments.benchmarking.level_sets import hashes_of, number_of_levels, plays_twins, sets_of
+from segar.experiments.benchmarking.playing import play_network
+from segar.experiments.benchmarking.row import Method, NewPiece, Piece, read_piece, write_piece
+from segar.experiments.collection.collector import observation_shape
+from segar.experiments.commands import process_defaults as runtime
+from segar.experiments.evaluation.evaluator import load_agent, options_of
+from segar.experiments.runs.executed_code import files_of_code
+from segar.experiments.runs.run_folder import EVALUATIONS, folder_path, read_versions
+from segar.experiments.settings import RunConfig
 from segar.policies import NETWORK_FILE, Network
 from segar.suites import Suite, suite
 

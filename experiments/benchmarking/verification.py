@@ -8,10 +8,11 @@ import numpy as np
 import pyarrow as pa
 from scipy import stats
 
-from experiments.benchmarking.drawn import play_drawn
-from experiments.benchmarking.playing import replay
-from experiments.benchmarking.protocol import SHIPPED, piece_name
-from experiments.benchmarking.row import (
+from segar.errors import SuiteError
+from segar.experiments.benchmarking.drawn import play_drawn
+from segar.experiments.benchmarking.playing import replay
+from segar.experiments.benchmarking.protocol import SHIPPED, piece_name
+from segar.experiments.benchmarking.row import (
     DRAWN,
     FETCH,
     PLAYED,
@@ -24,9 +25,8 @@ from experiments.benchmarking.row import (
     means_of,
     read_row,
 )
-from experiments.runs.executed_code import differing_parts
-from experiments.settings import ConfigError, RunFolderError
-from segar.errors import SuiteError
+from segar.experiments.runs.executed_code import differing_parts
+from segar.experiments.settings import ConfigError, RunFolderError
 from segar.suites import Suite, suite
 from segar.support import private_cache_folder
 

@@ -4,8 +4,8 @@ Authors of algorithms import from here. The modules of ``experiments`` name the 
 resumed under is only the code that it executes.
 """
 
-from experiments.collection.async_collector import AsyncCollector
-from experiments.collection.collector import (
+from segar.experiments.collection.async_collector import AsyncCollector
+from segar.experiments.collection.collector import (
     ActorCritic,
     Collected,
     Collector,
@@ -15,10 +15,10 @@ from experiments.collection.collector import (
     mean_figures,
     observation_shape,
 )
-from experiments.collection.device_collector import DeviceCollector
-from experiments.collection.environment_state import as_tensors, from_tensors
-from experiments.collection.replay import Replay
-from experiments.collection.rewards import ReturnScale, learner_reward
+from segar.experiments.collection.device_collector import DeviceCollector
+from segar.experiments.collection.environment_state import as_tensors, from_tensors
+from segar.experiments.collection.replay import Replay
+from segar.experiments.collection.rewards import ReturnScale, learner_reward
 
 __all__ = [
     "ActorCritic",

@@ -13,19 +13,19 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from experiments.collection.collector import Collected, Collector
 from segar.envs import VectorEnv
+from segar.experiments.collection.collector import Collected, Collector
 
 
 class AsyncCollector:
-    """A :class:`experiments.collection.collector.Collector` that is one rollout ahead of the learner.
+    """A :class:`segar.experiments.collection.collector.Collector` that is one rollout ahead of the learner.
 
     Args:
         env: only this collector may step it.
-        policy: a module that is a :class:`experiments.collection.collector.ActorCritic`; a copy of it acts.
+        policy: a module that is a :class:`segar.experiments.collection.collector.ActorCritic`; a copy of it acts.
         num_steps: of each environment, per collection.
         device: where policy and rollouts live. On a GPU the collection has a stream of its own.
-        joins_trials: as of :class:`experiments.collection.collector.Collector`.
+        joins_trials: as of :class:`segar.experiments.collection.collector.Collector`.
     """
 
     def __init__(

@@ -10,10 +10,10 @@ import torch
 from gymnasium.spaces import Box
 from torch import Tensor
 
-from experiments.collection.environment_state import as_tensors, from_tensors
-from experiments.networks.encoders import successive
-from experiments.settings import ConfigError
 from segar.envs import VectorEnv
+from segar.experiments.collection.environment_state import as_tensors, from_tensors
+from segar.experiments.networks.encoders import successive
+from segar.experiments.settings import ConfigError
 from segar.observations import copy_rows
 
 

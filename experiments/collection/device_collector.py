@@ -6,7 +6,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from experiments.collection.collector import (
+from segar.envs import VectorEnv
+from segar.experiments.collection.collector import (
     EPISODE_FIGURES,
     ActorCritic,
     Collected,
@@ -15,13 +16,12 @@ from experiments.collection.collector import (
     action_size,
     mean_figures,
 )
-from experiments.networks.devices import require_one_device
-from experiments.networks.encoders import successive
-from segar.envs import VectorEnv
+from segar.experiments.networks.devices import require_one_device
+from segar.experiments.networks.encoders import successive
 
 
 class DeviceCollector(RunningEpisodes):
-    """A :class:`experiments.collection.collector.Collector` of environments on a GPU, where policy and rollout live, too.
+    """A :class:`segar.experiments.collection.collector.Collector` of environments on a GPU, where policy and rollout live, too.
 
     Which episodes ended is known on the GPU alone until all steps are taken. The last observation of each environment is
     therefore kept for each step, and takes as much memory as the rollout.
@@ -31,7 +31,7 @@ class DeviceCollector(RunningEpisodes):
         policy: its actions are sampled.
         num_steps: of each environment, per collection.
         device: where policy and rollout live; the environments' GPU.
-        joins_trials: as of :class:`experiments.collection.collector.Collector`.
+        joins_trials: as of :class:`segar.experiments.collection.collector.Collector`.
 
     Raises:
         ConfigError: policy and environments are on different devices.

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from experiments.commands.kernels import are_portable
-from experiments.settings import OffPolicyConfig, PPOConfig
+from segar.experiments.commands.kernels import are_portable
+from segar.experiments.settings import OffPolicyConfig, PPOConfig
 
 LARGEST = 10.0  # normalised rewards are clipped to this, as in OpenAI's baselines
 TAIL = 0.25  # slope of the root transform beyond 1: a death of -100 is seen as -25.75

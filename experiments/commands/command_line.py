@@ -7,14 +7,16 @@ import signal
 import sys
 import typing
 from collections.abc import Callable, Sequence
+from importlib.metadata import entry_points
+from types import ModuleType
 from typing import Any
 
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, to_plain
-from experiments.settings import ConfigError, construct
+from segar.experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, to_plain
+from segar.experiments.settings import ConfigError, construct
 from segar.support import Parser
 
 
@@ -34,7 +36,8 @@ def run_from_command_line(task: Callable[..., Any], settings: type | None = None
     stated = settings or settings_of(task)
     try:
         with errors_as_messages():
-            data, others = read_arguments(sys.argv[1:], stated, about or sys.modules[task.__module__].__doc__)
+            module = sys.modules[task.__module__]
+            data, others = read_arguments(sys.argv[1:], stated, about or module.__doc__, command_of(module))
             if others and not takes_others:
                 raise ConfigError(f"'{others[0]}' is no setting; settings are given as name=value")
             found = construct(stated, data, "")
@@ -43,15 +46,23 @@ def run_from_command_line(task: Callable[..., Any], settings: type | None = None
         sys.exit(128 + signal.SIGINT)
 
 
-def read_arguments(arguments: Sequence[str], settings: type, about: str | None) -> tuple[dict[str, Any], list[str]]:
+def command_of(module: ModuleType) -> str:
+    """How the command in a module is called: ``segar NAME`` where an entry point says so, else ``python -m MODULE``."""
+    name = module.__spec__.name.removesuffix(".__main__") if module.__spec__ else module.__name__
+    known = {one.module.removesuffix(".__main__"): one.name for one in entry_points(group="segar.commands")}
+    return f"segar {known[name]}" if name in known else f"python -m {name}"
+
+
+def read_arguments(
+    arguments: Sequence[str], settings: type, about: str | None, command: str
+) -> tuple[dict[str, Any], list[str]]:
     """The settings that a command line states, as plain data, and what stands there without a name.
 
     Raises:
         ConfigError: a value cannot be read, or nothing is called so.
     """
-    main = getattr(sys.modules["__main__"], "__spec__", None)
     parser = Parser(
-        prog=f"python -m {main.name.removesuffix('.__main__')}" if main else None,
+        prog=command,
         description=(about or "").strip(),
         epilog="name=value is the same as --name value.",
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -1,8 +1,8 @@
 """What Hydra knows beside the files of ``conf/``: the defaults of all settings, and the choices that are only a name.
 
 Nodes are plain data, made from the dataclasses, and not the dataclasses themselves. Hydra then knows every name; types and
-values are checked once, by :func:`experiments.settings.construct`. OmegaConf's typed nodes would refuse 5e5 as a whole number,
-and a file could not put the settings of ``ppo_fast`` under those of CURL.
+values are checked once, by :func:`segar.experiments.settings.construct`. OmegaConf's typed nodes would refuse 5e5 as a whole
+number, and a file could not put the settings of ``ppo_fast`` under those of CURL.
 """
 
 import os
@@ -13,13 +13,14 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
-from experiments.settings import (
-    CHECKOUT,
+import segar
+from segar.experiments.settings import (
     CURRICULA,
     KINDS,
     NO_CURRICULUM,
     OWN_TASK,
     TRACKERS,
+    WORKSPACE,
     AlgorithmConfig,
     ConfigError,
     CurriculumConfig,
@@ -44,13 +45,13 @@ a ``+``."""
 
 # For conf/config.yaml; when the module is imported, because the workers of launchers read that file's settings, too.
 OmegaConf.register_new_resolver(
-    "runs_root", lambda root: str(Path(root or CHECKOUT / "runs").expanduser()), replace=True
+    "runs_root", lambda root: str(Path(root or WORKSPACE / "runs").expanduser()), replace=True
 )
 
 
 def conf_dir() -> Path:
-    """Absolute path of the configuration: $SEGAR_CONF, else ``conf/`` of the checkout."""
-    return Path(os.environ.get("SEGAR_CONF") or CHECKOUT / "conf").resolve()
+    """Absolute path of the configuration: $SEGAR_CONF, else ``conf/``, which is in the package and in the checkout."""
+    return Path(os.environ.get("SEGAR_CONF") or Path(segar.__file__).parent / "conf").resolve()
 
 
 def register_settings(config_name: str = "config", settings: Mapping[str, Any] | None = None) -> None:

@@ -18,8 +18,9 @@ from hydra.errors import CompactHydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from experiments.commands.config_store import conf_dir, register_settings
-from experiments.commands.overrides import (
+from segar.errors import SegarError
+from segar.experiments.commands.config_store import conf_dir, register_settings
+from segar.experiments.commands.overrides import (
     OWN_NAMES,
     explain_overrides,
     number_of_runs,
@@ -28,9 +29,8 @@ from experiments.commands.overrides import (
     with_search_path,
     without_passwords,
 )
-from experiments.commands.signals import Stopped
-from experiments.settings import ConfigError, RunConfig, import_object, run_config
-from segar.errors import SegarError
+from segar.experiments.commands.signals import Stopped
+from segar.experiments.settings import ConfigError, RunConfig, import_object, run_config
 from segar.support import escape_what_cannot_be_printed
 
 # Options of Hydra's that show something and run nothing, or run what an earlier command was.

@@ -3,8 +3,8 @@
 import os
 import sys
 
-from experiments.settings import ConfigError
-from experiments.settings.processor import BFLOAT16, lacks_for_portable
+from segar.experiments.settings import ConfigError
+from segar.experiments.settings.processor import BFLOAT16, lacks_for_portable
 
 # The libraries read these once, when they compute for the first time.
 PORTABLE = {

@@ -12,8 +12,9 @@ from hydra.core.override_parser.types import Glob, Override
 from hydra.errors import CompactHydraException, MissingConfigException
 from omegaconf import OmegaConf
 
-from experiments.commands.config_store import OWN_CLASSES, WITH_OPTIONS, register_own
-from experiments.settings import (
+from segar.errors import did_you_mean
+from segar.experiments.commands.config_store import OWN_CLASSES, WITH_OPTIONS, register_own
+from segar.experiments.settings import (
     TARGET,
     ConfigError,
     hand_on_password,
@@ -21,7 +22,6 @@ from experiments.settings import (
     path_of,
     without_files,
 )
-from segar.errors import did_you_mean
 from segar.suites import suites
 from segar.support import object_name
 

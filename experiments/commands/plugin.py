@@ -1,6 +1,6 @@
 """Plug-ins: functions that other packages register as entry points, such as studies, and what makes tables and reports.
 
-``python -m experiments.commands.plugin GROUP NAME FOLDER OPTIONS`` calls the function with the folder as its first
+``python -m segar.experiments.commands.plugin GROUP NAME FOLDER OPTIONS`` calls the function with the folder as its first
 argument, and with OPTIONS (JSON) as keyword arguments. It is a process of its own, because what trains must not load what
 draws. A package registers a study in its pyproject.toml::
 
@@ -18,12 +18,12 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from experiments.settings import CHECKOUT, ConfigError
 from segar.errors import SegarError, did_you_mean
+from segar.experiments.settings import ConfigError
 
 STUDIES = "segar.studies"  # (output folder, **options) -> None
 REPORTS = "segar.reports"  # (results folder) -> None; "tables" and "report"
-# (rows of runs, see experiments.runs.run_rows; a file .csv or .parquet for means, if one is wanted) -> str; "default"
+# (rows of runs, see segar.experiments.runs.run_rows; a file .csv or .parquet for means, if one is wanted) -> str; "default"
 SUMMARIES = "segar.summaries"
 
 
@@ -48,7 +48,7 @@ def run_plugin(group: str, name: str, folder: Path, options: Mapping[str, Any] |
     """Calls a plug-in in a process of its own; returns whether it ended well. Raises as :func:`find_plugin`."""
     find_plugin(group, name)
     command = [sys.executable, "-m", __name__, group, name, str(folder), json.dumps(dict(options or {}))]
-    return subprocess.run(command, cwd=CHECKOUT).returncode == 0
+    return subprocess.run(command).returncode == 0
 
 
 def call_plugin(group: str, name: str, folder: Path, options: Mapping[str, Any]) -> None:

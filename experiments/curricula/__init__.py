@@ -4,10 +4,10 @@ Authors of curricula import from here. The modules of ``experiments`` name the f
 resumed under is only the code that it executes.
 """
 
-from experiments.curricula.curriculum import Curriculum
-from experiments.curricula.episodes import Ended
-from experiments.curricula.explorer import Explorer, Tried
-from experiments.curricula.level_rows import LevelRows
-from experiments.curricula.scored_rows import ScoredRows
+from segar.experiments.curricula.curriculum import Curriculum
+from segar.experiments.curricula.episodes import Ended
+from segar.experiments.curricula.explorer import Explorer, Tried
+from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.curricula.scored_rows import ScoredRows
 
 __all__ = ["Curriculum", "Ended", "Explorer", "LevelRows", "ScoredRows", "Tried"]

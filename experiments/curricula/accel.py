@@ -1,6 +1,6 @@
 """ACCEL (Parker-Holder et al. 2022): robust PLR, in which replayed levels are also mutated, and their children tried.
 
-    python -m experiments.train suite=place-few-v1 levels.count=endless curriculum=accel
+    segar train suite=place-few-v1 levels.count=endless curriculum=accel
 
 A child differs from its parent in ``changes`` factors, positions, shapes, entities or world parameters, drawn anew from their
 priors (:func:`segar.mutate`), so that it is a level of the distribution. Children that are levels of a suite's test are left.
@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from experiments.curricula.explorer import Explorer
-from experiments.curricula.level_rows import LevelRows
-from experiments.curricula.robust_plr import RobustPLR
-from experiments.settings import ACCELConfig
+from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.curricula.robust_plr import RobustPLR
+from segar.experiments.settings import ACCELConfig
 from segar.levels import Levels, mutate, near_levels
 
 MUTATING = 3  # names the random stream
 
 
 class ACCEL(RobustPLR):
-    """The curriculum, see :class:`experiments.curricula.curriculum.Curriculum`."""
+    """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
 
     config: ACCELConfig
 

@@ -1,9 +1,9 @@
 """The protocol of curricula: what chooses the levels on which the episodes of training begin.
 
-A curriculum of your own is three things: a frozen sub-class of :class:`experiments.settings.CurriculumConfig` with its
+A curriculum of your own is three things: a frozen sub-class of :class:`segar.experiments.settings.CurriculumConfig` with its
 settings, whose ``chooser`` names a class as ``module:Class``; that class, which has the members of :class:`Curriculum`; and
 ``curriculum=module:Settings`` on the command line, or a YAML in ``conf/curriculum/`` that names the settings.
-:class:`experiments.curricula.uniform.Uniform` is one to start from.
+:class:`segar.experiments.curricula.uniform.Uniform` is one to start from.
 """
 
 from collections.abc import Mapping
@@ -11,10 +11,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from experiments.curricula.episodes import Ended
-from experiments.curricula.explorer import Explorer
-from experiments.curricula.level_rows import LevelRows
-from experiments.settings import ConfigError, CurriculumConfig, import_object
+from segar.experiments.curricula.episodes import Ended
+from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.settings import ConfigError, CurriculumConfig, import_object
 
 
 class Curriculum(Protocol):
@@ -70,7 +70,7 @@ def curriculum_class_of(config: CurriculumConfig) -> type[Any]:
     lacking = [member for member in vars(Curriculum) if not member.startswith("_") and not hasattr(found, member)]
     if lacking:
         raise ConfigError(
-            f"curriculum: {name} is no curriculum: it lacks {', '.join(lacking)}. experiments.curricula.curriculum says what"
-            " each is for"
+            f"curriculum: {name} is no curriculum: it lacks {', '.join(lacking)}. segar.experiments.curricula.curriculum says"
+            " what each is for"
         )
     return found

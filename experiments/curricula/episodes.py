@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from experiments.collection.collector import Rollout
+from segar.experiments.collection.collector import Rollout
 
 MEANS = ("value_l1", "positive_value_loss", "mean_value")
 SUMS = ("steps", "returns", "learned_return", "discount", *MEANS)

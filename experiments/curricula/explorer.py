@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
-from experiments.collection.rewards import learner_reward
-from experiments.curricula.episodes import MEANS, Ended
-from experiments.networks.encoders import successive
 from segar.envs import VectorEnv
+from segar.experiments.collection.rewards import learner_reward
+from segar.experiments.curricula.episodes import MEANS, Ended
+from segar.experiments.networks.encoders import successive
 from segar.hardness import plan
 from segar.levels import Levels
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.levels.endless import Stream
 from segar.envs import LevelPool, VectorEnv
+from segar.experiments.levels.endless import Stream
 from segar.levels import Levels
 
 MADE = -1  # the number of a level that a curriculum made, which no index of the training split names

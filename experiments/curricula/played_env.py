@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.curricula.curriculum import Curriculum
-from experiments.curricula.level_rows import LevelRows
 from segar.envs import Snapshot, VectorEnv
+from segar.experiments.curricula.curriculum import Curriculum
+from segar.experiments.curricula.level_rows import LevelRows
 from segar.levels import Levels
 
 GONE = -1  # the row of an episode whose level was replaced

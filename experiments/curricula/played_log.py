@@ -20,9 +20,9 @@ import numpy as np
 import pyarrow as pa
 import scipy
 
-from experiments.curricula.level_rows import MADE
-from experiments.curricula.played_env import Began
 from segar.errors import UnseenDifferenceWarning
+from segar.experiments.curricula.level_rows import MADE
+from segar.experiments.curricula.played_env import Began
 from segar.levels import LEVEL_ARRAYS, Levels
 from segar.metrics import effective_number, ks_by_factor, sample_entropy, w2
 

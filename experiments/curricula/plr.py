@@ -1,6 +1,6 @@
 """Prioritised level replay (Jiang et al. 2021): levels from which there is something to learn come back.
 
-    python -m experiments.train suite=place-few-v1 levels.count=endless curriculum=plr
+    segar train suite=place-few-v1 levels.count=endless curriculum=plr
 
 An episode is on a level that was scored before with probability ``replay``, and else on a new one. Of a fixed set, new levels
 are those that no episode began on; once there are none, all episodes replay. Of an endless stream, the ``capacity`` levels of
@@ -12,18 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from experiments.curricula.episodes import Ended
-from experiments.curricula.explorer import Explorer
-from experiments.curricula.level_rows import LevelRows
-from experiments.curricula.scored_rows import ScoredRows
-from experiments.curricula.scores import scores_of
-from experiments.settings import PLRConfig
+from segar.experiments.curricula.episodes import Ended
+from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.curricula.scored_rows import ScoredRows
+from segar.experiments.curricula.scores import scores_of
+from segar.experiments.settings import PLRConfig
 
 ROWS_PER_ENV = 8  # of new levels, beside those that are kept
 
 
 class PLR:
-    """The curriculum, see :class:`experiments.curricula.curriculum.Curriculum`."""
+    """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
 
     def __init__(self, config: PLRConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
         self.config, self.rows, self.explorer = config, rows, explorer

@@ -1,6 +1,6 @@
 """Robust PLR (Jiang et al. 2021b): new levels are tried and scored, and the agent learns on replayed levels alone.
 
-    python -m experiments.train suite=place-few-v1 levels.count=endless curriculum=plr_robust
+    segar train suite=place-few-v1 levels.count=endless curriculum=plr_robust
 
 So many new levels are tried that the share ``replay`` of all episodes is on replayed ones. The steps in which levels are tried
 count as frames, unless ``counts_tried`` is false.
@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from experiments.curricula.episodes import Ended
-from experiments.curricula.explorer import Explorer
-from experiments.curricula.level_rows import LevelRows
-from experiments.curricula.scored_rows import ScoredRows
-from experiments.curricula.scores import scores_of
-from experiments.settings import RobustPLRConfig
+from segar.experiments.curricula.episodes import Ended
+from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.curricula.scored_rows import ScoredRows
+from segar.experiments.curricula.scores import scores_of
+from segar.experiments.settings import RobustPLRConfig
 from segar.levels import Levels
 
 
 class RobustPLR:
-    """The curriculum, see :class:`experiments.curricula.curriculum.Curriculum`."""
+    """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
 
     starts_anew = True  # episodes that began before levels were scored are left
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.settings import ReplayConfig
+from segar.experiments.settings import ReplayConfig
 
 ARRAYS = ("score", "played", "best_return", "planned")
 

@@ -8,9 +8,9 @@ only. ``regret``: the return that the planner finds less the agent's, which need
 
 import numpy as np
 
-from experiments.curricula.episodes import Ended
-from experiments.curricula.explorer import Explorer
-from experiments.curricula.scored_rows import ScoredRows
+from segar.experiments.curricula.episodes import Ended
+from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.scored_rows import ScoredRows
 from segar.levels import Levels
 
 

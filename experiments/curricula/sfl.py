@@ -1,6 +1,6 @@
 """Sampling for learnability (Rutherford et al. 2024): the agent trains on levels that it solves sometimes.
 
-    python -m experiments.train suite=place-few-v1 levels.count=endless curriculum=sfl
+    segar train suite=place-few-v1 levels.count=endless curriculum=sfl
 
 Every ``interval`` frames, the agent plays ``episodes`` episodes on each of ``candidates`` levels. A level on which the share p
 of them succeeds has the learnability p (1 - p). The ``kept`` levels of the highest learnability above 0 get the share
@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from experiments.curricula.episodes import Ended
-from experiments.curricula.explorer import Explorer
-from experiments.curricula.level_rows import LevelRows
-from experiments.curricula.uniform import Uniform
-from experiments.settings import SFLConfig
+from segar.experiments.curricula.episodes import Ended
+from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.curricula.uniform import Uniform
+from segar.experiments.settings import SFLConfig
 
 
 class SFL:
-    """The curriculum, see :class:`experiments.curricula.curriculum.Curriculum`."""
+    """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
 
     def __init__(self, config: SFLConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
         self.config, self.rows, self.explorer = config, rows, explorer

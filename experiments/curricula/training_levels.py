@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from experiments.collection.collector import Rollout
-from experiments.collection.environment_state import arrays_in, tensors_in
-from experiments.curricula.curriculum import curriculum_class_of
-from experiments.curricula.episodes import EpisodeSums
-from experiments.curricula.explorer import Explorer
-from experiments.curricula.level_rows import LevelRows
-from experiments.curricula.played_env import PlayedEnv
-from experiments.curricula.played_log import PlayedLog
-from experiments.levels.builders import Prepared
-from experiments.levels.endless import Stream, stream_of, target_of
-from experiments.settings import ConfigError, CurriculumConfig, RunConfig, UniformConfig
 from segar.envs import VectorEnv
+from segar.experiments.collection.collector import Rollout
+from segar.experiments.collection.environment_state import arrays_in, tensors_in
+from segar.experiments.curricula.curriculum import curriculum_class_of
+from segar.experiments.curricula.episodes import EpisodeSums
+from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.curricula.played_env import PlayedEnv
+from segar.experiments.curricula.played_log import PlayedLog
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.levels.endless import Stream, stream_of, target_of
+from segar.experiments.settings import ConfigError, CurriculumConfig, RunConfig, UniformConfig
 from segar.levels import Levels
 
 FIGURES = "curriculum/"  # begins the names of what curricula say of themselves

@@ -1,6 +1,6 @@
 """Levels as they come: every level of a fixed set equally often, or every level of an endless stream once.
 
-    python -m experiments.train levels=objectsx1-easy levels.count=endless
+    segar train levels=objectsx1-easy levels.count=endless
 
 Rows hold the next levels of the stream. An episode begins on a row that no episode has begun on, and when few such rows are
 left, new levels come into all others.
@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from experiments.curricula.episodes import Ended
-from experiments.curricula.explorer import Explorer
-from experiments.curricula.level_rows import LevelRows
-from experiments.settings import CurriculumConfig
+from segar.experiments.curricula.episodes import Ended
+from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.settings import CurriculumConfig
 
 FEWEST_ROWS, ROWS_PER_ENV = 512, 4
 
 
 class Uniform:
-    """The curriculum, see :class:`experiments.curricula.curriculum.Curriculum`."""
+    """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
 
     def __init__(self, config: CurriculumConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
         self.rows, self.num_envs = rows, rows.env.num_envs

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.evaluation.episodes import Agent, play_in_modes
-from experiments.levels.builders import Prepared
-from experiments.settings import ConfigError, EvaluateConfig, RunConfig, is_level_file
 from segar.errors import SuiteError
+from segar.experiments.evaluation.episodes import Agent, play_in_modes
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.settings import ConfigError, EvaluateConfig, RunConfig, is_level_file
 from segar.levels import Levels
 from segar.suites import Causes, Suite, Twin, Twins, causes_of, looks_like, own_suite, suite, suites
 

@@ -7,16 +7,16 @@ from typing import Any, TypeAlias
 import numpy as np
 import torch
 
-from experiments.algorithms.learner import PolicyNetwork
-from experiments.levels.builders import Prepared
-from experiments.networks.encoders import forget_frames, successive
-from experiments.runs.run_folder import RESULTS
-from experiments.runs.run_rows import result_figures
-from experiments.settings import ACTION_MODES, ConfigError
 from segar import evaluation
 from segar.envs import Policy, VectorEnv, begin_policy
 from segar.errors import UnseenDifferenceWarning
 from segar.evaluation import QUANTITIES, TRIAL_QUANTITIES, adaptation_gain
+from segar.experiments.algorithms.learner import PolicyNetwork
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.networks.encoders import forget_frames, successive
+from segar.experiments.runs.run_folder import RESULTS
+from segar.experiments.runs.run_rows import result_figures
+from segar.experiments.settings import ACTION_MODES, ConfigError
 from segar.levels import Levels
 from segar.metrics import coverage, effective_number, ks, sample_entropy, unseen_differences, w2
 
@@ -29,7 +29,7 @@ class NetworkActions:
     """The policy that acts as a learner's network does.
 
     Args:
-        network: see :class:`experiments.algorithms.learner.PolicyNetwork`.
+        network: see :class:`segar.experiments.algorithms.learner.PolicyNetwork`.
         rng: source of sampled actions; the actions are deterministic where it is None.
     """
 

@@ -10,15 +10,19 @@ from typing import Any
 import numpy as np
 import torch
 
-from experiments.algorithms.checkpoint import load_newest_policy
-from experiments.algorithms.learner import PolicyNetwork
-from experiments.algorithms.portable import PortableAgent, network_of
-from experiments.collection.collector import observation_shape
-from experiments.commands import process_defaults as runtime
-from experiments.evaluation.causes import CAUSES, play_twins, suite_played
-from experiments.evaluation.episodes import Agent, action_rng, as_policy, play_in_modes, trial_figures
-from experiments.evaluation.transfers import LEVELS
-from experiments.levels.builders import (
+from segar.cli import table
+from segar.envs import VectorEnv, play
+from segar.errors import RuleError, SegarError
+from segar.evaluation import QUANTITIES, Baselines, Idle, find_baselines
+from segar.experiments.algorithms.checkpoint import load_newest_policy
+from segar.experiments.algorithms.learner import PolicyNetwork
+from segar.experiments.algorithms.portable import PortableAgent, network_of
+from segar.experiments.collection.collector import observation_shape
+from segar.experiments.commands import process_defaults as runtime
+from segar.experiments.evaluation.causes import CAUSES, play_twins, suite_played
+from segar.experiments.evaluation.episodes import Agent, action_rng, as_policy, play_in_modes, trial_figures
+from segar.experiments.evaluation.transfers import LEVELS
+from segar.experiments.levels.builders import (
     Prepared,
     environment_options,
     find_distribution,
@@ -26,10 +30,10 @@ from experiments.levels.builders import (
     levels_in,
     task_name,
 )
-from experiments.levels.suite_levels import levels_of_suite
-from experiments.runs.executed_code import changed_parts, code_after, differing_parts, executed_code, played_code
-from experiments.runs.own_modules import names_in, where_searched
-from experiments.runs.run_folder import (
+from segar.experiments.levels.suite_levels import levels_of_suite
+from segar.experiments.runs.executed_code import changed_parts, code_after, differing_parts, executed_code, played_code
+from segar.experiments.runs.own_modules import names_in, where_searched
+from segar.experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
     EVALUATIONS,
@@ -42,7 +46,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.settings import (
+from segar.experiments.settings import (
     ConfigError,
     EvaluateConfig,
     LevelsConfig,
@@ -53,10 +57,6 @@ from experiments.settings import (
     is_level_file,
     without_files,
 )
-from segar.cli import table
-from segar.envs import VectorEnv, play
-from segar.errors import RuleError, SegarError
-from segar.evaluation import QUANTITIES, Baselines, Idle, find_baselines
 from segar.levels import Levels, hash_of_levels
 from segar.policies import NETWORK_FILE, Network
 from segar.rendering import View, check_video, write_video
@@ -224,7 +224,7 @@ def as_played(run: str | Path, levels: str = "test") -> dict[str, Any]:
         ``unit_actions=True``, because agents act in [-1, 1].
 
     Args:
-        levels: as :class:`experiments.settings.EvaluateConfig` has them.
+        levels: as :class:`segar.experiments.settings.EvaluateConfig` has them.
 
     Raises:
         SegarError: there is no such run or level set, no weights, or the agent cannot observe these levels.
@@ -238,7 +238,7 @@ def as_played(run: str | Path, levels: str = "test") -> dict[str, Any]:
 
 
 def new_policy(trained: RunConfig, observation_shape: tuple[int, ...]) -> Any:
-    """The run's policy, a :class:`experiments.algorithms.learner.PolicyNetwork` and ``nn.Module``, without its weights."""
+    """The run's policy, a :class:`segar.experiments.algorithms.learner.PolicyNetwork` and ``nn.Module``, without weights."""
     learner = import_object(trained.algorithm.learner, "algorithm")
     return learner.make_policy(
         trained.algorithm, observation_shape, len(environment_options(trained)["task"].action_low)

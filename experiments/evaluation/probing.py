@@ -16,10 +16,11 @@ from typing import Annotated, Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from experiments.commands.plugin import find_plugin
-from experiments.runs.executed_code import fingerprint
-from experiments.runs.files import opened_table, replacing
-from experiments.runs.run_folder import (
+from segar.errors import SegarError
+from segar.experiments.commands.plugin import find_plugin
+from segar.experiments.runs.executed_code import fingerprint
+from segar.experiments.runs.files import opened_table, replacing
+from segar.experiments.runs.run_folder import (
     METRIC_SCHEMA,
     METRICS,
     PROBES,
@@ -30,7 +31,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.settings import (
+from segar.experiments.settings import (
     ActionMode,
     Count,
     CountFrom0,
@@ -43,8 +44,7 @@ from experiments.settings import (
     require_known,
     that,
 )
-from experiments.tracking.mlflow_sync import RunSync, files_of, read_sync_state
-from segar.errors import SegarError
+from segar.experiments.tracking.mlflow_sync import RunSync, files_of, read_sync_state
 
 ABOUT = b"segar"  # key of the file's metadata: the settings ("asked"), the fingerprint of the code, the seconds
 TRAINED, IDENTITY = "trained", "identity"

@@ -1,4 +1,4 @@
-"""Test a trained agent on the levels of a :class:`experiments.evaluation.transfers.Transfer`.
+"""Test a trained agent on the levels of a :class:`segar.experiments.evaluation.transfers.Transfer`.
 
 The results lie in ``evaluations/`` of the run folder: the levels, ``episodes.parquet``, and ``summary.json``, which is
 written last.
@@ -8,12 +8,12 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from experiments.evaluation.episodes import distance_figures, figures_in_modes, play_in_modes
-from experiments.evaluation.evaluator import load_agent, options_of, write
-from experiments.evaluation.transfers import Transfer
-from experiments.runs.executed_code import code_after
-from experiments.runs.run_folder import LEVELS_TRAIN, folder_path
-from experiments.settings import RunConfig, as_data
+from segar.experiments.evaluation.episodes import distance_figures, figures_in_modes, play_in_modes
+from segar.experiments.evaluation.evaluator import load_agent, options_of, write
+from segar.experiments.evaluation.transfers import Transfer
+from segar.experiments.runs.executed_code import code_after
+from segar.experiments.runs.run_folder import LEVELS_TRAIN, folder_path
+from segar.experiments.settings import RunConfig, as_data
 from segar.levels import Levels
 
 

@@ -1,7 +1,7 @@
 """What is done with a trained agent beyond its run: transfers to other levels, and probes; described, not carried out.
 
 A transfer tests the agent on levels that it was not trained for: harder ones, other physics, another observation, or
-levels between those of training and those of the test. :mod:`experiments.evaluation.transfer_evaluation` carries it out.
+levels between those of training and those of the test. :mod:`segar.experiments.evaluation.transfer_evaluation` carries it out.
 This module does not import torch, so that work can be planned without it.
 """
 
@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.evaluation.probing import ProbeConfig, is_probed
-from experiments.levels.builders import Prepared, distribution_of, in_own_world, task_name
-from experiments.runs.executed_code import differing_parts, played_code
-from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import (
+from segar.experiments.evaluation.probing import ProbeConfig, is_probed
+from segar.experiments.levels.builders import Prepared, distribution_of, in_own_world, task_name
+from segar.experiments.runs.executed_code import differing_parts, played_code
+from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.run_folder import (
     EVALUATIONS,
     LEVELS_TEST,
     LEVELS_TRAIN,
@@ -25,8 +25,8 @@ from experiments.runs.run_folder import (
     of_another_agent,
     read_evaluation,
 )
-from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, as_data
-from experiments.settings.run import digest
+from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, as_data
+from segar.experiments.settings.run import digest
 from segar.levels import Levels, hash_of_levels, mixed_levels
 
 LEVELS = "levels.npz"  # in the folder of an evaluation: what was played
@@ -88,7 +88,7 @@ class Transfer:
 
     def code(self, run: RunConfig) -> dict[str, str]:
         """The code that decides what this run's agent achieves there, beside its weights, as
-        :func:`experiments.runs.executed_code.played_code`; its part ``levels`` is of all test levels."""
+        :func:`segar.experiments.runs.executed_code.played_code`; its part ``levels`` is of all test levels."""
         if self.mixture is not None:
             return played_code(Prepared(dataclasses.replace(run, observation=self.observation)))
         task = dataclasses.replace(run.task, name=task_name(run))

@@ -11,11 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments.levels.conditions import conditional_puttputt
-from experiments.levels.rule_sets import levels_of_rule_sets
-from experiments.levels.suite_levels import levels_of_suite, observation_of_suite
-from experiments.levels.variations import vary
-from experiments.settings import (
+from segar.cli import load_levels
+from segar.envs import VectorEnv
+from segar.errors import LevelError, RuleError, SegarError, did_you_mean
+from segar.experiments.levels.conditions import conditional_puttputt
+from segar.experiments.levels.rule_sets import levels_of_rule_sets
+from segar.experiments.levels.suite_levels import levels_of_suite, observation_of_suite
+from segar.experiments.levels.variations import vary
+from segar.experiments.settings import (
     DEFAULT_TASK,
     DESIGNS,
     MATCHED_DESIGNS,
@@ -31,9 +34,6 @@ from experiments.settings import (
     level_file,
     named_distributions,
 )
-from segar.cli import load_levels
-from segar.envs import VectorEnv
-from segar.errors import LevelError, RuleError, SegarError, did_you_mean
 from segar.language import Order, Task, code_place
 from segar.levels import LevelDistribution, Levels, family
 from segar.metrics import design, matched_set, w2

@@ -4,9 +4,9 @@ import inspect
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.levels.builders import LevelFile, Prepared
-from experiments.levels.suite_levels import SuiteLevels
-from experiments.settings import ConfigError
+from segar.experiments.levels.builders import LevelFile, Prepared
+from segar.experiments.levels.suite_levels import SuiteLevels
+from segar.experiments.settings import ConfigError
 from segar.levels import Levels
 
 BLOCK = 512  # levels that are drawn at once, which takes little longer than to draw a tenth of them

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.settings import RULE_SETS_DESIGN, ConfigError, LevelsConfig
 from segar.errors import LevelError
+from segar.experiments.settings import RULE_SETS_DESIGN, ConfigError, LevelsConfig
 from segar.hardness import Situations, make_situations
 from segar.levels import Levels, share_rule_sets
 from segar.metrics import rule_set_distances

@@ -4,8 +4,8 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.settings import ConfigError, ObservationConfig, RunConfig
 from segar.errors import SuiteError
+from segar.experiments.settings import ConfigError, ObservationConfig, RunConfig
 from segar.language import Task
 from segar.levels import Levels
 from segar.suites import Suite, named_observation, suite, suites

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
-from experiments.levels.conditions import with_conditions
-from experiments.settings import import_object
+from segar.experiments.levels.conditions import with_conditions
+from segar.experiments.settings import import_object
 from segar.language import FloorFriction, GolfBall, Gravity, Mass, Parameter
 from segar.levels import LevelDistribution, Prior
 from segar.noise import UniformNoise

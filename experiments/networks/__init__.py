@@ -4,7 +4,7 @@ Authors of algorithms import from here. The modules of ``experiments`` name the 
 resumed under is only the code that it executes.
 """
 
-from experiments.networks.augmentations import (
+from segar.experiments.networks.augmentations import (
     greyscale,
     random_colour_jitter,
     random_convolution,
@@ -15,9 +15,9 @@ from experiments.networks.augmentations import (
     random_rotation,
     random_shift,
 )
-from experiments.networks.devices import usable_device
-from experiments.networks.encoders import MLP, FrameEncoder, initialize, make_encoder
-from experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
+from segar.experiments.networks.devices import usable_device
+from segar.experiments.networks.encoders import MLP, FrameEncoder, initialize, make_encoder
+from segar.experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
 
 __all__ = [
     "MLP", "Actor", "FrameEncoder", "SquashedNormal", "actions_of", "greyscale", "initialize", "make_encoder",

@@ -5,9 +5,9 @@ from typing import Any
 
 import torch
 
-from experiments.commands.kernels import limits_in_force
-from experiments.settings import ConfigError, RunConfig
 from segar.envs import VectorEnv
+from segar.experiments.commands.kernels import limits_in_force
+from segar.experiments.settings import ConfigError, RunConfig
 
 
 def usable_device(name: str) -> torch.device:

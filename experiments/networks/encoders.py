@@ -16,11 +16,11 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from experiments.networks.frame_conv import WHITE, FrameConv
-from experiments.networks.keypoints import Keypoints, cut
-from experiments.networks.shared_frames import are_stacks, places_of_frames
-from experiments.settings import ConfigError, DrQConfig, PPOConfig, import_object
-from experiments.settings.processor import multiplies_bf16
+from segar.experiments.networks.frame_conv import WHITE, FrameConv
+from segar.experiments.networks.keypoints import Keypoints, cut
+from segar.experiments.networks.shared_frames import are_stacks, places_of_frames
+from segar.experiments.settings import ConfigError, DrQConfig, PPOConfig, import_object
+from segar.experiments.settings.processor import multiplies_bf16
 
 REPRESENTATION = 256  # numbers in phi(s) of the CNNs that end with a dense layer
 
@@ -146,7 +146,7 @@ class StackEncoder(FrameEncoder):
     replaces stacks by indices into it, so that each frame is read once, however many stacks of a batch hold it.
 
     Args:
-        trunk: see :class:`experiments.networks.keypoints.Keypoints`.
+        trunk: see :class:`segar.experiments.networks.keypoints.Keypoints`.
     """
 
     trunk: Keypoints
@@ -262,7 +262,7 @@ def small(height: int, width: int, depth: int) -> nn.Sequential:
 def keypoints(height: int, width: int, depth: int) -> Keypoints:
     """The points at which 16 filters respond, and their movements from frame to frame, then dense 256 twice, each with ReLU.
 
-    It needs far fewer steps than the other CNNs where positions matter; see :mod:`experiments.networks.keypoints`. Each
+    It needs far fewer steps than the other CNNs where positions matter; see :mod:`segar.experiments.networks.keypoints`. Each
     further frame of a stack costs as much as the first. For 64 x 64 x 3: 79 664 parameters.
     """
     return Keypoints(height, width, depth)

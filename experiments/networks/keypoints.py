@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from experiments.networks.frame_conv import FrameConv
+from segar.experiments.networks.frame_conv import FrameConv
 from segar.observations import copy_squares
 
 SHARPNESS = 5.0  # of the soft-argmax at first; learned, one number per filter

@@ -11,8 +11,8 @@ from torch.distributions import Independent, Normal
 from torch.distributions import constraints as torch_constraints
 from torch.nn import functional as F
 
-from experiments.networks.encoders import make_encoder
-from experiments.settings import PPOConfig
+from segar.experiments.networks.encoders import make_encoder
+from segar.experiments.settings import PPOConfig
 
 # Gauss-Hermite nodes: enough for the entropy of a squashed Gaussian to 1e-4 nats up to a standard deviation of 2.
 QUADRATURE_NODES = 12

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from torch import Tensor, nn
 
-from experiments.networks.encoders import MLP, FrameEncoder, StackEncoder, _ResidualBlock
-from experiments.networks.frame_conv import FrameConv
-from experiments.networks.keypoints import MOVED, Keypoints
-from experiments.settings import ConfigError
+from segar.experiments.networks.encoders import MLP, FrameEncoder, StackEncoder, _ResidualBlock
+from segar.experiments.networks.frame_conv import FrameConv
+from segar.experiments.networks.keypoints import MOVED, Keypoints
+from segar.experiments.settings import ConfigError
 from segar.policies import Layer
 
 WAY_OUT = "Evaluate it without portable=true, which plays by torch"

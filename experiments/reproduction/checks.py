@@ -5,9 +5,10 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from experiments.evaluation.transfers import RunTask
-from experiments.levels.builders import Prepared, check_observations, distribution_of, environment_options
-from experiments.reproduction.experiment_file import (
+from segar.errors import LevelError, SegarError, did_you_mean
+from segar.experiments.evaluation.transfers import RunTask
+from segar.experiments.levels.builders import Prepared, check_observations, distribution_of, environment_options
+from segar.experiments.reproduction.experiment_file import (
     FEWEST_BLOCKS,
     OF_GRID,
     OF_TASK,
@@ -16,7 +17,7 @@ from experiments.reproduction.experiment_file import (
     Experiment,
     claim_config,
 )
-from experiments.reproduction.grid import (
+from segar.experiments.reproduction.grid import (
     AGENT_SEED,
     NUMBERS_OF_LEVELS,
     compares_panels,
@@ -25,9 +26,8 @@ from experiments.reproduction.grid import (
     to_be_equal,
     varied_columns,
 )
-from experiments.runs.run_folder import RESULTS
-from experiments.settings import ConfigError, LevelsConfig, RunConfig, grid_point, import_object
-from segar.errors import LevelError, SegarError, did_you_mean
+from segar.experiments.runs.run_folder import RESULTS
+from segar.experiments.settings import ConfigError, LevelsConfig, RunConfig, grid_point, import_object
 from segar.levels import check_fits, places
 from segar.support import counted
 
@@ -56,7 +56,7 @@ def check_objects(runs: Iterable[RunConfig]) -> None:
             if is_new(levels, run.task, run.observation):  # the task may be that of the levels
                 environment_options(run)
             for name in (algorithm.learner, getattr(algorithm, "encoder", "")):
-                if ":" in name and not name.startswith("experiments.") and is_new(name):
+                if ":" in name and not name.startswith("segar.") and is_new(name):
                     import_object(name, "algorithm")
         except SegarError as error:
             setting, _, problem = str(error).partition(": ")
@@ -184,7 +184,7 @@ def untestable_claims(experiment: Experiment, works: Sequence[RunTask]) -> Itera
 
 def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]]) -> list[Mapping[str, str]]:
     """The runs, of these with these columns, that a claim about two values of a column compares with a run that differs in it
-    alone, as :func:`analysis.report.study.claims.differences` pairs them; none where only results say the column.
+    alone, as :func:`segar.analysis.report.study.claims.differences` pairs them; none where only results say the column.
 
     Raises:
         ConfigError: no two runs differ in it alone.

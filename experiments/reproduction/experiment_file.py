@@ -1,6 +1,6 @@
 """An experiment as data: a grid of runs, other levels that its agents are tested on, claims, and what needs no training.
 
-One file of ``conf/experiment/``, or one that ``experiments.study`` is given, is one experiment. It is plain YAML, which
+One file of ``conf/experiment/``, or one that ``segar study`` is given, is one experiment. It is plain YAML, which
 :func:`experiment_at` reads::
 
     title: Gap against W2 out of distribution    # required; all other keys may be left out
@@ -35,9 +35,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Annotated, Any
 
-from experiments.levels.variations import VARIATIONS
-from experiments.runs.run_folder import RESULTS
-from experiments.settings import (
+from segar.errors import did_you_mean
+from segar.experiments.levels.variations import VARIATIONS
+from segar.experiments.runs.run_folder import RESULTS
+from segar.experiments.settings import (
     DIFFICULTIES,
     ConfigError,
     Count,
@@ -54,7 +55,6 @@ from experiments.settings import (
     require_known,
     that,
 )
-from segar.errors import did_you_mean
 from segar.levels import RESERVED_GROUPS, SEPARATOR
 from segar.support import object_name
 
@@ -221,7 +221,7 @@ class GridConfig:
     observations: Names = entry("choices of the group observation", (BASE,))
     tasks: Names = entry("choices of the group task", (BASE,))
     designs: Annotated[tuple[Design, ...], NOT_EMPTY, EACH_ONCE] = entry("how training levels are picked", ("iid",))
-    variations: VariationNames = entry("names in experiments.levels.variations", ("",))
+    variations: VariationNames = entry("names in segar.experiments.levels.variations", ("",))
     interval: CountFrom0 | None = entry(
         "frames between evaluations on the test levels; None: as the scale has it", None
     )
@@ -257,7 +257,7 @@ class ClaimConfig:
     """
 
     says: str = entry("the statement")
-    test: Test = entry("correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate")
+    test: Test = entry("correlation, difference, mean, or module:function(runs) -> segar.analysis.stats Estimate")
     expected: Annotated[str, one_of(*SIGNS)] = entry(
         "negative or positive, which is the sign; none: that there is no effect"
     )
@@ -292,7 +292,7 @@ class ExperimentConfig:
     attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = entry("groups of factors", {})
     probes: bool = entry("ask what the agents' representations know of the factors, as probes.<scale> says", False)
     claims: Annotated[Mapping[str, Any], check_claims] = entry("name to ClaimConfig", {})
-    study: str = entry("needs no training: a plug-in, see experiments.commands.plugin", "")
+    study: str = entry("needs no training: a plug-in, see segar.experiments.commands.plugin", "")
     options: Mapping[str, Any] = entry("of the study, by name", {})
     scales: Mapping[str, Any] = entry("what differs there, of the grid and of Others; none: all", {})
 

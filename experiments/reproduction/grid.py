@@ -8,9 +8,18 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from experiments.commands.hydra_app import compose
-from experiments.reproduction.experiment_file import BASE, GridConfig
-from experiments.settings import GridPoint, RunConfig, as_data, config_at, flat, grid_point, is_distribution, run_config
+from segar.experiments.commands.hydra_app import compose
+from segar.experiments.reproduction.experiment_file import BASE, GridConfig
+from segar.experiments.settings import (
+    GridPoint,
+    RunConfig,
+    as_data,
+    config_at,
+    flat,
+    grid_point,
+    is_distribution,
+    run_config,
+)
 
 KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
 NUMBERS_OF_LEVELS = ("n", "levels", "log_n", "cell")  # columns that say how many training levels there are

@@ -1,6 +1,6 @@
 """Results that are imported: tables of runs that another machine made, or that ``docs/results`` ships.
 
-A folder of such tables is one that ``analysis.collect`` wrote. The name of a run holds a hash of its
+A folder of such tables is one that ``segar collect`` wrote. The name of a run holds a hash of its
 settings, so a row with that name describes that run. Such a run counts as done and is not trained again.
 """
 
@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.evaluation.transfers import RunTask
-from experiments.runs.files import read_table
-from experiments.runs.run_folder import PROBES
-from experiments.settings import ConfigError, RunFolderError
+from segar.experiments.evaluation.transfers import RunTask
+from segar.experiments.runs.files import read_table
+from segar.experiments.runs.run_folder import PROBES
+from segar.experiments.settings import ConfigError, RunFolderError
 
 RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 

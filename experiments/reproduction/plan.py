@@ -10,23 +10,24 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from experiments.evaluation.probing import ProbeConfig
-from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
-from experiments.levels.builders import Prepared
-from experiments.reproduction.checks import (
+from segar.cli import table
+from segar.experiments.evaluation.probing import ProbeConfig
+from segar.experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.reproduction.checks import (
     check_claims,
     check_groups,
     check_objects,
     check_transfers,
     untestable_claims,
 )
-from experiments.reproduction.experiment_file import Experiment, TransferConfig, other_panel
-from experiments.reproduction.grid import grid_runs, setting
-from experiments.reproduction.imported_results import ImportedResults
-from experiments.runs.executed_code import changed_parts, executed_code
-from experiments.runs.files import read_json
-from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import (
+from segar.experiments.reproduction.experiment_file import Experiment, TransferConfig, other_panel
+from segar.experiments.reproduction.grid import grid_runs, setting
+from segar.experiments.reproduction.imported_results import ImportedResults
+from segar.experiments.runs.executed_code import changed_parts, executed_code
+from segar.experiments.runs.files import read_json
+from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.run_folder import (
     CHECKPOINT,
     EVALUATIONS,
     VERSIONS,
@@ -37,8 +38,7 @@ from experiments.runs.run_folder import (
     run_folders,
     runs_root,
 )
-from experiments.settings import ConfigError, RunConfig, RunFolderError, ScaleConfig, grid_point
-from segar.cli import table
+from segar.experiments.settings import ConfigError, RunConfig, RunFolderError, ScaleConfig, grid_point
 from segar.levels import REST, SEPARATOR
 from segar.support import counted
 

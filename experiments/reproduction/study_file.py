@@ -9,8 +9,8 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from experiments.commands.overrides import quoted
-from experiments.reproduction.experiment_file import (
+from segar.experiments.commands.overrides import quoted
+from segar.experiments.reproduction.experiment_file import (
     OF_GRID,
     OF_TESTS,
     TESTS,
@@ -22,8 +22,8 @@ from experiments.reproduction.experiment_file import (
     entry,
     experiment_at,
 )
-from experiments.runs.run_folder import LONGEST
-from experiments.settings import ConfigError, add_module_path, construct, flat, read_yaml, require, without_files
+from segar.experiments.runs.run_folder import LONGEST
+from segar.experiments.settings import ConfigError, add_module_path, construct, flat, read_yaml, require, without_files
 from segar.support import content_of
 
 PLAIN = re.compile(r"[A-Za-z0-9_.:/+-]+")  # values that Hydra reads without quotation marks

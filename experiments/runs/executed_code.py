@@ -6,7 +6,7 @@ docstrings, layout, or the texts of error messages; of an imported module it is 
 pictures for people, the tracking and the report are no part of it: a run does not execute them.
 
 Beside the parts stand the user's own files, whose names have a slash (``my_lab/levels.py``, ``my_lab/scale.json``); see
-:mod:`experiments.runs.own_files`. What a run has recorded of files is compared with what is in them now.
+:mod:`segar.experiments.runs.own_files`. What a run has recorded of files is compared with what is in them now.
 """
 
 import hashlib
@@ -16,17 +16,17 @@ from pathlib import Path
 from typing import Any
 
 import segar
-from experiments.levels.builders import LevelFile, Prepared, observation_seen
-from experiments.runs.own_files import digest_executed, file_digest, own_files
-from experiments.runs.own_modules import find_file, modules_named, modules_reached
-from experiments.runs.run_folder import read_versions
-from experiments.runs.source_text import executed, normalised
-from experiments.settings import RunConfig, UniformConfig, as_data, flat
 from segar.engine import generate
 from segar.envs import world_of
+from segar.experiments.levels.builders import LevelFile, Prepared, observation_seen
+from segar.experiments.runs.own_files import digest_executed, file_digest, own_files
+from segar.experiments.runs.own_modules import find_file, modules_named, modules_reached
+from segar.experiments.runs.run_folder import read_versions
+from segar.experiments.runs.source_text import executed, normalised
+from segar.experiments.settings import RunConfig, UniformConfig, as_data, flat
 from segar.levels import Levels, hash_of_levels
 
-CHOICE = "experiments.curricula.training_levels"  # what lets a curriculum choose
+CHOICE = "segar.experiments.curricula.training_levels"  # what lets a curriculum choose
 # Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
 ENVIRONMENT = ("envs", "observations", "support")
 SAMPLER = ("levels", "noise", "language")

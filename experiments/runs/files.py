@@ -10,7 +10,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from experiments.settings import RunFolderError
+from segar.experiments.settings import RunFolderError
 from segar.support import (
     DAMAGE,
     LOCK,

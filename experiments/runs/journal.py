@@ -13,9 +13,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from experiments.commands.signals import Stopped
-from experiments.runs.run_folder import JOURNAL
-from experiments.settings import RunFolderError
+from segar.experiments.commands.signals import Stopped
+from segar.experiments.runs.run_folder import JOURNAL
+from segar.experiments.settings import RunFolderError
 from segar.support import content_of
 
 PREPARATION = "preparation"  # what a run does before its first frame

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.settings import RunFolderError, is_level_file
+from segar.experiments.settings import RunFolderError, is_level_file
 from segar.levels import Levels
 from segar.support import Form, open_npz
 

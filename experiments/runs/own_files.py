@@ -21,9 +21,9 @@ from pathlib import Path
 from types import ModuleType
 from weakref import WeakKeyDictionary
 
-from experiments.runs.own_modules import OUR_FOLDERS, OURS, find_file, imported_by, is_installed, source_reached
-from experiments.runs.source_text import nodes_of, normalised
-from experiments.settings import ConfigError, imported_from
+from segar.experiments.runs.own_modules import OUR_FOLDERS, OURS, find_file, imported_by, is_installed, source_reached
+from segar.experiments.runs.source_text import nodes_of, normalised
+from segar.experiments.settings import ConfigError, imported_from
 
 LOADING = {
     "import_module", "__import__", "exec", "exec_module", "run_module", "run_path", "spec_from_file_location",
@@ -105,7 +105,7 @@ def _files_of(module: str, texts: Collection[str]) -> dict[str, tuple[Path, Path
     while waiting:
         name = waiting.pop()
         source = (
-            None if name in done or name.partition(".")[0] in OURS else source_reached(name, module.partition(".")[0])
+            None if name in done or name.partition(".")[0] == OURS else source_reached(name, module.partition(".")[0])
         )
         done.add(name)
         if source is None:

@@ -9,14 +9,20 @@ from pathlib import Path
 from typing import Any
 
 import segar
-from experiments.runs.source_text import nodes_of
-from experiments.settings import CHECKOUT, TARGET, name_of_target, path_of
+from segar.experiments.runs.source_text import nodes_of
+from segar.experiments.settings import TARGET, name_of_target, path_of
 from segar.support import ObjectName, object_name
 
-OURS = ("segar", "experiments", "analysis")
-OUR_FOLDERS = (Path(segar.__file__).resolve().parent, *(CHECKOUT / name for name in OURS if name != "segar"))
+OURS = "segar"
+# In a checkout, the latter two are links to folders beside the first.
+OUR_FOLDERS = tuple((Path(segar.__file__).parent / name).resolve() for name in ("", "experiments", "analysis"))
 # Where a learner's own code ends: what these rooms do decides no weight.
-LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.curricula", "experiments.networks")
+LEARNING = (
+    "segar.experiments.algorithms",
+    "segar.experiments.collection",
+    "segar.experiments.curricula",
+    "segar.experiments.networks",
+)
 MODULE_PATH = "module_path"
 NO_CODE = ("tracking", "root", "folder", MODULE_PATH)  # settings that name nothing which is imported
 
@@ -42,7 +48,7 @@ def modules_named(settings: Any) -> Iterator[str]:
 
 def own_packages(settings: Any) -> set[str]:
     """The packages, or modules in no package, that settings name and that are not ours."""
-    return {name.partition(".")[0] for name in modules_named(settings)} - {*OURS}
+    return {name.partition(".")[0] for name in modules_named(settings)} - {OURS}
 
 
 def folders_of(settings: Any) -> tuple[str, ...]:
@@ -77,7 +83,7 @@ def where_searched(error: BaseException | None, module_path: Sequence[str]) -> s
 
 
 def find_file(name: str) -> Path | None:
-    """The file that a name of :mod:`experiments.runs.own_files` means now; None where there is none.
+    """The file that a name of :mod:`segar.experiments.runs.own_files` means now; None where there is none.
 
     Looked into are the folder that holds the package which the name begins with, those of Python's path, and the working one.
     """
@@ -110,10 +116,10 @@ def is_installed(path: Path) -> bool:
 
 
 def modules_reached(module: str) -> dict[str, Path]:
-    """Name and file of ``module`` and of what it imports of its own package, of ``experiments``, and of code that is not
-    installed, such as modules that lie beside it; nothing is imported here.
+    """Name and file of ``module`` and of what it imports of its own package, of ``segar``, and of code that is not installed,
+    such as modules that lie beside it; nothing is imported here.
 
-    Of ``experiments``, only what learns counts; of ``segar``, nothing.
+    Of ``segar``, only what learns counts.
     """
     found: dict[str, Path] = {}
     waiting = [module]
@@ -129,10 +135,10 @@ def modules_reached(module: str) -> dict[str, Path]:
 def source_reached(module: str, package: str) -> Path | None:
     """The file of a module that a module of ``package`` imports; None where it does not count: see :func:`modules_reached`."""
     top = module.partition(".")[0]
-    if top == "segar" or top in sys.stdlib_module_names or (top == "experiments" and not module.startswith(LEARNING)):
+    if top in sys.stdlib_module_names or (top == OURS and not module.startswith(LEARNING)):
         return None
     path = source_of(module)
-    return None if path is None or (top not in (package, "experiments") and is_installed(path)) else path
+    return None if path is None or (top not in (package, OURS) and is_installed(path)) else path
 
 
 def imported_by(module: str, path: Path) -> Iterator[str]:

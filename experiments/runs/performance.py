@@ -4,7 +4,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from experiments.settings import ACTION_MODES
+from segar.experiments.settings import ACTION_MODES
 
 Floats = NDArray[np.float64]
 SETS = ("train", "test")

@@ -7,7 +7,7 @@
 ``episodes.parquet``      one row per evaluation episode, see :data:`EPISODE_SCHEMA`
 ``metrics.parquet``       one row per figure and time, see :data:`METRIC_SCHEMA`
 ``played.parquet``        which levels were played how often in each interval, where levels are endless or a curriculum chooses
-                          them, see :data:`experiments.curricula.played_log.PLAYED_SCHEMA`
+                          them, see :data:`segar.experiments.curricula.played_log.PLAYED_SCHEMA`
 ``versions.json``         libraries, commit, fingerprints of the code and of the data files that own code read, content
                           hashes of the level sets, and what decided the last bits (``arithmetic``: precision, threads,
                           instruction set, limits, processor)
@@ -15,9 +15,9 @@
 ``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
 ``tracking.json``         how much of it was sent to MLflow; ``tracking_replaced.json``: that of a run which was thrown away
 ``sweeps.json``           further sweeps that asked for the run when it was finished
-``evaluations/``          results of ``python -m experiments.evaluate``, and of transfers, each with its code and with the
+``evaluations/``          results of ``segar evaluate``, and of transfers, each with its code and with the
                           ``frames`` of the weights that it is of
-``probes.parquet``        how well probes predict the factors from the representation, see :mod:`experiments.evaluation.probing`
+``probes.parquet``        how well probes predict the factors, see :mod:`segar.experiments.evaluation.probing`
 """
 
 import dataclasses
@@ -33,7 +33,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from experiments.runs.files import (
+from segar.experiments.runs.files import (
     LOCK,
     TEMPORARY,
     locked,
@@ -43,10 +43,10 @@ from experiments.runs.files import (
     replacing,
     write_text,
 )
-from experiments.runs.own_modules import folders_of, modules_named, own_packages
-from experiments.runs.trust import settings_of_file, signed
-from experiments.settings import (
-    CHECKOUT,
+from segar.experiments.runs.own_modules import folders_of, modules_named, own_packages
+from segar.experiments.runs.trust import settings_of_file, signed
+from segar.experiments.settings import (
+    WORKSPACE,
     ConfigError,
     RunConfig,
     RunFolderError,
@@ -101,8 +101,8 @@ METRIC_SCHEMA = pa.schema(
 
 
 def root_folder(root: str | None) -> Path:
-    """Absolute path of the folder that holds run folders and MLflow's store; None means ``runs/`` of the checkout."""
-    return Path(root).expanduser().resolve() if root else CHECKOUT / "runs"
+    """Absolute path of the folder that holds run folders and MLflow's store; None means ``runs/`` of the checkout, or here."""
+    return Path(root).expanduser().resolve() if root else WORKSPACE / "runs"
 
 
 def runs_root(config: RunConfig) -> Path:
@@ -208,7 +208,7 @@ def _occupy(folder: Path, config: RunConfig) -> None:
 def empty(folder: Path, config: RunConfig) -> None:
     """Removes the run in a folder, and no other files, and writes the settings of the run that begins there.
 
-    What MLflow has of it is removed when the new run is sent; see :mod:`experiments.tracking.mlflow_sync`.
+    What MLflow has of it is removed when the new run is sent; see :mod:`segar.experiments.tracking.mlflow_sync`.
     """
     if (folder / SYNC_STATE).exists():
         (folder / SYNC_STATE).replace(folder / REPLACED)
@@ -270,7 +270,7 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
 
     Args:
         trusted: modules or packages that the settings may name, whoever wrote them; see
-            :func:`experiments.runs.trust.settings_of_file`.
+            :func:`segar.experiments.runs.trust.settings_of_file`.
 
     Raises:
         RunFolderError: there are no settings, they are not readable, or they name code that is not trusted.
@@ -331,7 +331,7 @@ def read_metrics(folder: Path) -> pa.Table:
 
 
 def read_played(folder: Path) -> pa.Table:
-    """Which levels were played in each interval, :data:`experiments.curricula.played_log.PLAYED_SCHEMA`; raises
+    """Which levels were played in each interval, :data:`segar.experiments.curricula.played_log.PLAYED_SCHEMA`; raises
     :class:`RunFolderError` if that is not readable, as in the folder of a run without a curriculum and with a fixed set."""
     return read_table(Path(folder) / PLAYED)
 

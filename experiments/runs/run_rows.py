@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from experiments.runs.executed_code import combined
-from experiments.runs.journal import read_journal
-from experiments.runs.level_prints import is_own, prints_in, share_of
-from experiments.runs.performance import SETS, performance
-from experiments.runs.run_folder import (
+from segar.errors import SegarError
+from segar.experiments.runs.executed_code import combined
+from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.level_prints import is_own, prints_in, share_of
+from segar.experiments.runs.performance import SETS, performance
+from segar.experiments.runs.run_folder import (
     CONFIG,
     EPISODES,
     EVALUATIONS,
@@ -39,9 +40,8 @@ from experiments.runs.run_folder import (
     run_folders,
     sweeps_of,
 )
-from experiments.runs.versions import computed_with
-from experiments.settings import ACTION_MODES, LevelsConfig, RunConfig, RunFolderError, flat
-from segar.errors import SegarError
+from segar.experiments.runs.versions import computed_with
+from segar.experiments.settings import ACTION_MODES, LevelsConfig, RunConfig, RunFolderError, flat
 
 FINISHED = "finished"
 UNREADABLE = "unreadable"
@@ -71,11 +71,11 @@ class RunRow:
     settings: Mapping[str, Any] = field(default_factory=dict)
     figures: Mapping[str, float] = field(default_factory=dict)
     sweeps: tuple[str, ...] = ()  # that it is of
-    computed_with: str = ""  # what decided the last bits, see :func:`experiments.runs.versions.computed_with`
+    computed_with: str = ""  # what decided the last bits, see :func:`segar.experiments.runs.versions.computed_with`
     code: Mapping[str, str] = field(default_factory=dict)  # as executed_code of this room, without modules
     seen: float = 0.0  # the share of the test levels that are among the training levels
     unscored: str = ""  # why score and regret of its evaluation are left out
-    planner: str = ""  # the search behind its score, as settings of experiments.evaluate; empty where that is not known
+    planner: str = ""  # the search behind its score, as settings of segar evaluate; empty where that is not known
     name: str = ""  # that of the run, by its settings, whatever its folder is called; empty where it cannot be read
     copies: tuple[str, ...] = ()  # other folders of the same run, which do not count, with what they hold
 
@@ -86,7 +86,7 @@ def run_rows(places: Iterable[Path], trusted: Collection[str] = ()) -> list[RunR
     A folder that cannot be read is a row that says why.
 
     Args:
-        trusted: as of :func:`experiments.runs.run_folder.read_config`.
+        trusted: as of :func:`segar.experiments.runs.run_folder.read_config`.
 
     Raises:
         RunFolderError: a place does not exist.
@@ -258,7 +258,7 @@ def score_warnings(runs: Sequence[RunRow]) -> list[str]:
         found.append(
             f"warning: score and regret are left out where the evaluation is by other code or of other weights than the run's:"
             f" {each}{more}."
-            " Evaluate again, with the run's code: python -m experiments.evaluate run=FOLDER levels=test"
+            " Evaluate again, with the run's code: segar evaluate run=FOLDER levels=test"
         )
     sizes = sorted({row.planner for row in runs if row.planner})
     if len(sizes) > 1:
@@ -271,7 +271,7 @@ def score_warnings(runs: Sequence[RunRow]) -> list[str]:
 
 def figures_of_run(summary: Mapping[str, Any], episodes: pa.Table | None) -> dict[str, float]:
     """The figures of a run, or of a test of it: the numbers of its summary under the names of columns, and what
-    :func:`experiments.runs.performance.performance` makes of its episodes, which leads; NaN where an error is not known.
+    :func:`segar.experiments.runs.performance.performance` makes of its episodes, which leads; NaN where an error is not known.
 
     The summary of a test on other levels has no results of the task on training levels: these come from the episodes.
     """
@@ -355,7 +355,7 @@ def _figures(folder: Path) -> dict[str, float]:
 
 
 def _score(folder: Path, config: RunConfig) -> tuple[dict[str, float], str, str]:
-    """What ``experiments.evaluate levels=test`` found of a finished run on its own test levels, if asked, by the code of the
+    """What ``segar evaluate levels=test`` found of a finished run on its own test levels, if asked, by the code of the
     run: score and regret; why these are left out where they are of other weights; and the planner's search. A portable
     evaluation counts where there is no other.
     """

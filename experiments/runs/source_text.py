@@ -3,7 +3,7 @@
 import ast
 from pathlib import Path
 
-from experiments.settings import imported_from
+from segar.experiments.settings import imported_from
 
 
 def executed(path: Path) -> bytes:

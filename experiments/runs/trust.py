@@ -14,9 +14,9 @@ from typing import Any
 
 from filelock import FileLock
 
-from experiments.runs.own_modules import MODULE_PATH, names_in
-from experiments.settings import RunFolderError
 from segar.errors import SegarError
+from segar.experiments.runs.own_modules import MODULE_PATH, names_in
+from segar.experiments.settings import RunFolderError
 from segar.support import EVERYTHING, private_cache_folder
 
 SIGNATURE = "# signature: "
@@ -52,7 +52,7 @@ def settings_of_file(
         packages = ",".join(sorted({EVERYTHING if name.is_in_file else name.package for name in outside.values()}))
         raise RunFolderError(
             f"{path} was not written by you on this machine, and names code that would be imported: {names}. If you trust"
-            f" it, set {TRUSTED}={packages} (experiments.evaluate, experiments.benchmark: trust=true)"
+            f" it, set {TRUSTED}={packages} (segar evaluate, segar.experiments.benchmark: trust=true)"
         )
     return {key: value for key, value in settings.items() if key != MODULE_PATH}
 

@@ -34,7 +34,7 @@ def computed_with(versions: Mapping[str, Any]) -> str:
 
 
 def in_words(arithmetic: Mapping[str, Any]) -> str:
-    """One :func:`experiments.networks.devices.arithmetic`, e.g. ``AVX2, fp32, 1 thread, portable, AMD EPYC``."""
+    """One :func:`segar.experiments.networks.devices.arithmetic`, e.g. ``AVX2, fp32, 1 thread, portable, AMD EPYC``."""
     threads = arithmetic["threads"]
     words = [arithmetic["instruction_set"], arithmetic["precision"], counted(threads, "thread")]
     words += [arithmetic["device"]] * (arithmetic["device"] != "cpu")

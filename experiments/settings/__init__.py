@@ -4,8 +4,14 @@ It may import segar. For authors of algorithms: a sub-class of :class:`Algorithm
 as :class:`PPOConfig`, holds the settings of an algorithm of your own, and names the class that learns.
 """
 
-from experiments.settings.addresses import hand_on_password, scheme, sqlite_address, with_password, without_password
-from experiments.settings.algorithms import (
+from segar.experiments.settings.addresses import (
+    hand_on_password,
+    scheme,
+    sqlite_address,
+    with_password,
+    without_password,
+)
+from segar.experiments.settings.algorithms import (
     KINDS,
     TARGET,
     AlgorithmConfig,
@@ -22,7 +28,7 @@ from experiments.settings.algorithms import (
     added_later,
     kind_of,
 )
-from experiments.settings.checks import (
+from segar.experiments.settings.checks import (
     DESIGNS,
     ENDLESS,
     MATCHED_DESIGNS,
@@ -46,7 +52,7 @@ from experiments.settings.checks import (
     require_seed,
     that,
 )
-from experiments.settings.curricula import (
+from segar.experiments.settings.curricula import (
     CURRICULA,
     NO_CURRICULUM,
     SCORES,
@@ -58,12 +64,12 @@ from experiments.settings.curricula import (
     SFLConfig,
     UniformConfig,
 )
-from experiments.settings.errors import CheckpointError, ConfigError, RunFolderError, TrackingError, TrainingError
-from experiments.settings.evaluate import EvaluateConfig
-from experiments.settings.from_data import construct, flat, run_config
-from experiments.settings.grid import GridPoint, config_at, design, design_hash, grid_point, panel_parts
-from experiments.settings.imported_sources import imported_from
-from experiments.settings.own_code import (
+from segar.experiments.settings.errors import CheckpointError, ConfigError, RunFolderError, TrackingError, TrainingError
+from segar.experiments.settings.evaluate import EvaluateConfig
+from segar.experiments.settings.from_data import construct, flat, run_config
+from segar.experiments.settings.grid import GridPoint, config_at, design, design_hash, grid_point, panel_parts
+from segar.experiments.settings.imported_sources import imported_from
+from segar.experiments.settings.own_code import (
     add_module_path,
     class_named,
     import_object,
@@ -73,13 +79,13 @@ from experiments.settings.own_code import (
     without_files,
     without_folder,
 )
-from experiments.settings.run import (
+from segar.experiments.settings.run import (
     ACTION_MODES,
-    CHECKOUT,
     DEFAULT_TASK,
     DIFFICULTIES,
     OWN_TASK,
     TRACKERS,
+    WORKSPACE,
     ActionMode,
     Design,
     Difficulty,
@@ -95,7 +101,7 @@ from experiments.settings.run import (
     is_distribution,
     named_distributions,
 )
-from experiments.settings.yaml_text import read_yaml
+from segar.experiments.settings.yaml_text import read_yaml
 
 __all__ = [
     "ACCELConfig", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig", "CheckpointError", "ConfigError", "Count",

@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 from urllib.parse import quote, unquote
 
-from experiments.settings.errors import ConfigError
+from segar.experiments.settings.errors import ConfigError
 
 # ``://user:password@host``; not ``://host:5000/path@x``.
 PASSWORD = re.compile(r"(://[^:/@\s]*):(?!\d+(?:[/?#\s]|$))(\S*?)@(?=[^@/\s]*(?:[/?#\s'\"]|$))")

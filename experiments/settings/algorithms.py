@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, TypeVar
 
-from experiments.settings.checks import (
+from segar.experiments.settings.checks import (
     Count,
     CountFrom0,
     NotNegative,
@@ -18,13 +18,13 @@ from experiments.settings.checks import (
     require_known,
     that,
 )
-from experiments.settings.own_code import class_named
+from segar.experiments.settings.own_code import class_named
 
 T = TypeVar("T")
 
-# The CNNs that have a name: functions in experiments.networks.encoders.
+# The CNNs that have a name: functions in segar.experiments.networks.encoders.
 CNNS = ("small", "keypoints", "nature", "impala", "impala_15", "cnn_2022")
-# Changes of frames that DrAC knows: entries of experiments.algorithms.drac.AUGMENTATIONS.
+# Changes of frames that DrAC knows: entries of segar.experiments.algorithms.drac.AUGMENTATIONS.
 AUGMENTATIONS = ("crop", "greyscale", "cutout", "cutout_colour", "random_conv", "colour_jitter", "flip", "rotate")
 TARGET = "_target_"  # as in Hydra: the setting that holds an import path
 NAMES_OF_CLASS = ("kind", TARGET)  # settings that name the class of an algorithm
@@ -67,7 +67,7 @@ class AlgorithmConfig(Settings):
 
     group: ClassVar[str] = "algorithm"
     kind: ClassVar[str]  # a short name that never changes, of the algorithms that are built in
-    learner: ClassVar[str]  # "module:Class" of the class that learns; see experiments.algorithms.learner
+    learner: ClassVar[str]  # "module:Class" of the class that learns; see segar.experiments.algorithms.learner
 
     name: str
     num_envs: Count = 64
@@ -79,7 +79,7 @@ class PPOConfig(AlgorithmConfig):
 
     name: str = "ppo"
     kind: ClassVar[str] = "ppo"
-    learner: ClassVar[str] = "experiments.algorithms.ppo:PPO"
+    learner: ClassVar[str] = "segar.experiments.algorithms.ppo:PPO"
 
     num_steps: Count = 30  # per environment and update
     epochs: Count = 1
@@ -95,7 +95,9 @@ class PPOConfig(AlgorithmConfig):
     entropy_coef: NotNegative = 3e-4
     critic_coef: NotNegative = 0.1  # of half the squared error
     max_grad_norm: Positive = 10.0
-    reward_transform: RewardTransform = "none"  # what the learner sees of rewards: see experiments.collection.rewards
+    reward_transform: RewardTransform = (
+        "none"  # what the learner sees of rewards: see segar.experiments.collection.rewards
+    )
     reward_scale: Positive = 1.0  # times this
     reward_normalise: bool = False  # and divided by the standard deviation of discounted returns so far
     encoder: Encoder = "impala"  # the CNN that reads frames; mlp: frames are refused. Vectors are read by an MLP
@@ -136,7 +138,7 @@ class RecurrentPPOConfig(PPOConfig):
 
     name: str = "ppo_recurrent"
     kind: ClassVar[str] = "ppo_recurrent"
-    learner: ClassVar[str] = "experiments.algorithms.recurrent_ppo:RecurrentPPO"
+    learner: ClassVar[str] = "segar.experiments.algorithms.recurrent_ppo:RecurrentPPO"
 
     core: Core = "gru"  # or lstm
     core_width: Count = 128  # numbers that the heads read
@@ -178,7 +180,7 @@ class CURLConfig(AuxiliaryConfig):
 
     name: str = "curl"
     kind: ClassVar[str] = "curl"
-    learner: ClassVar[str] = "experiments.algorithms.curl:CURL"
+    learner: ClassVar[str] = "segar.experiments.algorithms.curl:CURL"
 
     crop: Window = 0.8
     projection: CountFrom0 = 0  # numbers that a normalised dense layer makes for comparing; 0: the representation's own
@@ -190,7 +192,7 @@ class SPRConfig(AuxiliaryConfig):
 
     name: str = "spr"
     kind: ClassVar[str] = "spr"
-    learner: ClassVar[str] = "experiments.algorithms.spr:SPR"
+    learner: ClassVar[str] = "segar.experiments.algorithms.spr:SPR"
 
     crop: Window = 0.8
     horizon: int = 1  # steps that are predicted
@@ -213,7 +215,7 @@ class DrACConfig(PPOConfig):
 
     name: str = "drac"
     kind: ClassVar[str] = "drac"
-    learner: ClassVar[str] = "experiments.algorithms.drac:DrAC"
+    learner: ClassVar[str] = "segar.experiments.algorithms.drac:DrAC"
 
     # The changes among which the upper confidence bound chooses. Those that flip or rotate frames are left out, because
     # they change which action is right.
@@ -239,7 +241,7 @@ class PPGConfig(PPOConfig):
 
     name: str = "ppg"
     kind: ClassVar[str] = "ppg"
-    learner: ClassVar[str] = "experiments.algorithms.ppg:PPG"
+    learner: ClassVar[str] = "segar.experiments.algorithms.ppg:PPG"
 
     shared: bool | None = False  # always: that policy and value have networks of their own is what PPG is about
     phase: Count = 32  # N_pi, rollouts from one auxiliary phase to the next
@@ -295,7 +297,7 @@ class SACConfig(OffPolicyConfig):
 
     name: str = "sac"
     kind: ClassVar[str] = "sac"
-    learner: ClassVar[str] = "experiments.algorithms.sac:SAC"
+    learner: ClassVar[str] = "segar.experiments.algorithms.sac:SAC"
 
     widths: Widths = (256, 256)  # of the hidden layers of policy and critics
     temperature: Positive = 1.0  # of the entropy, at first; it is learned
@@ -314,7 +316,7 @@ class DrQConfig(SACConfig):
 
     name: str = "drq"
     kind: ClassVar[str] = "drq"
-    learner: ClassVar[str] = "experiments.algorithms.drq:DrQ"
+    learner: ClassVar[str] = "segar.experiments.algorithms.drq:DrQ"
 
     num_envs: Count = 1
     temperature: Positive = 0.1

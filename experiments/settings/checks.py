@@ -11,8 +11,8 @@ from functools import cache
 from types import UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
-from experiments.settings.errors import ConfigError
 from segar.errors import did_you_mean
+from segar.experiments.settings.errors import ConfigError
 from segar.support import object_name
 
 DESIGNS = ("iid", "clustered", "covering", "nuisance_only")  # kinds of segar.design that need no test levels

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from experiments.settings.algorithms import NAMES_OF_CLASS, class_of
-from experiments.settings.checks import Count, Positive, Settings, Share, one_of, require, that
-from experiments.settings.errors import ConfigError
+from segar.experiments.settings.algorithms import NAMES_OF_CLASS, class_of
+from segar.experiments.settings.checks import Count, Positive, Settings, Share, one_of, require, that
+from segar.experiments.settings.errors import ConfigError
 
 NO_CURRICULUM = "none"
-SCORES = ("value_l1", "positive_value_loss", "max_mc", "regret")  # see experiments.curricula.scores
+SCORES = ("value_l1", "positive_value_loss", "max_mc", "regret")  # see segar.experiments.curricula.scores
 
 Score = Annotated[str, one_of(*SCORES)]
 Replay = Annotated[float, that(lambda x: 0 < x <= 1, "more than 0, and at most 1")]
@@ -25,7 +25,7 @@ class CurriculumConfig(Settings):
 
     group: ClassVar[str] = "curriculum"
     kind: ClassVar[str]  # a short name that never changes, of the curricula that are built in
-    chooser: ClassVar[str]  # "module:Class" of what chooses levels; see experiments.curricula.curriculum
+    chooser: ClassVar[str]  # "module:Class" of what chooses levels; see segar.experiments.curricula.curriculum
     needs_scores: ClassVar[bool] = True  # whether it learns from the rollouts of an on-policy algorithm
     needs_stream: ClassVar[bool] = False  # whether it plays levels beyond any fixed set, so that they must be endless
 
@@ -39,7 +39,7 @@ class UniformConfig(CurriculumConfig):
 
     name: str = "uniform"
     kind: ClassVar[str] = "uniform"
-    chooser: ClassVar[str] = "experiments.curricula.uniform:Uniform"
+    chooser: ClassVar[str] = "segar.experiments.curricula.uniform:Uniform"
     needs_scores: ClassVar[bool] = False
 
 
@@ -65,7 +65,7 @@ class PLRConfig(ReplayConfig):
 
     name: str = "plr"
     kind: ClassVar[str] = "plr"
-    chooser: ClassVar[str] = "experiments.curricula.plr:PLR"
+    chooser: ClassVar[str] = "segar.experiments.curricula.plr:PLR"
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class RobustPLRConfig(ReplayConfig):
 
     name: str = "plr_robust"
     kind: ClassVar[str] = "plr_robust"
-    chooser: ClassVar[str] = "experiments.curricula.robust_plr:RobustPLR"
+    chooser: ClassVar[str] = "segar.experiments.curricula.robust_plr:RobustPLR"
     needs_stream: ClassVar[bool] = True
 
     temperature: Positive = 0.3
@@ -89,7 +89,7 @@ class ACCELConfig(RobustPLRConfig):
 
     name: str = "accel"
     kind: ClassVar[str] = "accel"
-    chooser: ClassVar[str] = "experiments.curricula.accel:ACCEL"
+    chooser: ClassVar[str] = "segar.experiments.curricula.accel:ACCEL"
 
     replay: Replay = 0.8
     children: Positive = 1.0  # mutated levels that are tried per replayed episode
@@ -102,7 +102,7 @@ class SFLConfig(CurriculumConfig):
 
     name: str = "sfl"
     kind: ClassVar[str] = "sfl"
-    chooser: ClassVar[str] = "experiments.curricula.sfl:SFL"
+    chooser: ClassVar[str] = "segar.experiments.curricula.sfl:SFL"
 
     interval: Count = 50_000  # frames between two choices
     candidates: Count = 128  # levels that are tried at each; of a fixed set, all

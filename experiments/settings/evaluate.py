@@ -1,10 +1,10 @@
-"""The settings of ``python -m experiments.evaluate``."""
+"""The settings of ``segar evaluate``."""
 
 from dataclasses import dataclass
 from typing import Annotated
 
-from experiments.settings.checks import Count, Seed, Settings, one_of, that
-from experiments.settings.run import ACTION_MODES, ActionMode
+from segar.experiments.settings.checks import Count, Seed, Settings, one_of, that
+from segar.experiments.settings.run import ACTION_MODES, ActionMode
 from segar.support import EVERYTHING
 
 Modes = Annotated[tuple[ActionMode, ...], that(bool, f"one or more of {', '.join(ACTION_MODES)}")]

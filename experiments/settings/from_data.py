@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from experiments.settings.algorithms import NAMES_OF_CLASS, algorithm_class
-from experiments.settings.checks import check_value, hints_of, path_of
-from experiments.settings.curricula import curriculum_class
-from experiments.settings.errors import ConfigError
-from experiments.settings.own_code import add_module_path, without_files
-from experiments.settings.run import RunConfig
 from segar.errors import did_you_mean
+from segar.experiments.settings.algorithms import NAMES_OF_CLASS, algorithm_class
+from segar.experiments.settings.checks import check_value, hints_of, path_of
+from segar.experiments.settings.curricula import curriculum_class
+from segar.experiments.settings.errors import ConfigError
+from segar.experiments.settings.own_code import add_module_path, without_files
+from segar.experiments.settings.run import RunConfig
 
 T = TypeVar("T")
 NAMING = (

@@ -3,8 +3,8 @@
 import dataclasses
 from typing import Any
 
-from experiments.settings.own_code import without_folder
-from experiments.settings.run import DIFFICULTIES, RunConfig, digest
+from segar.experiments.settings.own_code import without_folder
+from segar.experiments.settings.run import DIFFICULTIES, RunConfig, digest
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,5 +52,5 @@ def design(config: RunConfig) -> dict[str, Any]:
 
 
 def design_hash(config: RunConfig) -> str:
-    """Eight hexadecimal digits that are equal for equal :func:`experiments.settings.design`."""
+    """Eight hexadecimal digits that are equal for equal :func:`segar.experiments.settings.design`."""
     return digest(design(config))

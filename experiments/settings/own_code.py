@@ -12,8 +12,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from experiments.settings.errors import ConfigError
 from segar.errors import SegarError
+from segar.experiments.settings.errors import ConfigError
 from segar.support import module_in_file, named_object, object_name, resolve, sha256_of
 
 LEVEL_FILE = re.compile(r"(.+\.(?:npz|json))(?:#([0-9a-f]{8}))?")
@@ -111,5 +111,5 @@ def class_named(target: str, base: type[T], place: str) -> type[T]:
     """The sub-class of ``base`` that an import path, ``module.Class``, names; raises :class:`ConfigError`."""
     cls = import_object(name_of_target(target), place)
     if not (isinstance(cls, type) and issubclass(cls, base)):
-        raise ConfigError(f"{place}: '{target}' is not a sub-class of experiments.settings.{base.__name__}")
+        raise ConfigError(f"{place}: '{target}' is not a sub-class of segar.experiments.settings.{base.__name__}")
     return cls

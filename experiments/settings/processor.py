@@ -4,7 +4,7 @@ import os
 import platform
 from functools import cache
 
-from experiments.settings.errors import ConfigError
+from segar.experiments.settings.errors import ConfigError
 
 BFLOAT16 = "SEGAR_BFLOAT16"  # yes or no in place of what multiplies_bf16 finds out about the processor
 LEAST = ("avx2", "fma", "f16c", "bmi2")  # features of the x86-64 processors that determinism=portable computes for

@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from experiments.settings.algorithms import (
+from segar.experiments.settings.algorithms import (
     ADDED_LATER,
     KINDS,
     NAMES_OF_CLASS,
@@ -23,7 +23,7 @@ from experiments.settings.algorithms import (
     kind_of,
     named_class,
 )
-from experiments.settings.checks import (
+from segar.experiments.settings.checks import (
     ENDLESS,
     Count,
     CountFrom0,
@@ -37,14 +37,17 @@ from experiments.settings.checks import (
     require_known,
     that,
 )
-from experiments.settings.curricula import CURRICULA, CurriculumConfig
-from experiments.settings.own_code import is_level_file, without_folder
-from experiments.settings.processor import multiplies_bf16
+from segar.experiments.settings.curricula import CURRICULA, CurriculumConfig
+from segar.experiments.settings.own_code import is_level_file, without_folder
+from segar.experiments.settings.processor import multiplies_bf16
 from segar.levels import TASK_LEVELS, families, family
 from segar.suites import suites
 from segar.support import object_name
 
-CHECKOUT = Path(__file__).resolve().parents[2]
+WORKSPACE = Path(__file__).resolve().parents[2]
+"""The checkout; of an installed package, the folder in which the command was called."""
+if not (WORKSPACE / "pyproject.toml").is_file():
+    WORKSPACE = Path.cwd()
 ACTION_MODES = ("deterministic", "sampled")  # of evaluation
 TRACKERS = ("mlflow", "none")
 DIFFICULTIES = ("easy", "medium", "hard")
@@ -97,7 +100,7 @@ class LevelsConfig(Settings):
     count: LevelCount = 10  # training levels; endless: each episode is on another one
     seed: Seed = 0  # which training levels; a smaller count takes the first ones
     design: Design = "iid"  # how the training levels are picked from their distribution
-    variation: str = ""  # of both distributions: a name in experiments.levels.variations, or ``module:function``
+    variation: str = ""  # of both distributions: a name in segar.experiments.levels.variations, or ``module:function``
     test_variation: str | None = None  # None: the same
     test_count: Count = 100
     test_seed: Seed = 0  # which test levels; of another random stream than training levels

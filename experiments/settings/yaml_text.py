@@ -4,7 +4,7 @@ from typing import Any
 
 import yaml
 
-from experiments.settings.errors import ConfigError
+from segar.experiments.settings.errors import ConfigError
 
 MERGE = "tag:yaml.org,2002:merge"
 

@@ -9,10 +9,17 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from experiments.commands import process_defaults as runtime
-from experiments.runs.files import replacing
-from experiments.settings import TrackingConfig, TrackingError, scheme, sqlite_address, with_password, without_password
-from experiments.tracking.mlflow_views import VIEWS, View, tags_of_views
+from segar.experiments.commands import process_defaults as runtime
+from segar.experiments.runs.files import replacing
+from segar.experiments.settings import (
+    TrackingConfig,
+    TrackingError,
+    scheme,
+    sqlite_address,
+    with_password,
+    without_password,
+)
+from segar.experiments.tracking.mlflow_views import VIEWS, View, tags_of_views
 from segar.support import first_line
 
 STORE = "mlflow.db"  # under the root of the runs

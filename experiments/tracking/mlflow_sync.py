@@ -2,7 +2,7 @@
 
 A run is sent in an order: the rows of ``metrics.parquet``, then files, then how the run ended. ``tracking.json`` in the run
 folder says how far that has come. So what was cut off goes on from there, by the run itself when it is resumed, or by
-``python -m experiments.upload``. A row always has the same time: one that is sent again, because ``tracking.json`` could
+``segar upload``. A row always has the same time: one that is sent again, because ``tracking.json`` could
 not be written, is the same point to MLflow. A run that is thrown away, so that another one is trained in its folder, stands
 in ``tracking_replaced.json`` until it is deleted in MLflow, too. So does a run that was killed after it had sent figures which
 its last checkpoint does not have: MLflow gets the run anew when it is resumed.
@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.runs.files import read_json
-from experiments.runs.run_folder import (
+from segar.experiments.runs.files import read_json
+from segar.experiments.runs.run_folder import (
     EPISODES,
     PLAYED,
     REPLACED,
@@ -30,8 +30,8 @@ from experiments.runs.run_folder import (
     runs_root,
     write_json,
 )
-from experiments.settings import RunConfig, flat, grid_point, without_password
-from experiments.tracking.mlflow_store import calling, open_store, store_uri
+from segar.experiments.settings import RunConfig, flat, grid_point, without_password
+from segar.experiments.tracking.mlflow_store import calling, open_store, store_uri
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -71,7 +71,7 @@ class RunSync:
     def command(self) -> str:
         """What sends the store all that it lacks of this run."""
         uri = self.config.tracking.uri
-        return f"python -m experiments.upload run={self.folder}" + (f" uri={without_password(uri)}" if uri else "")
+        return f"segar upload run={self.folder}" + (f" uri={without_password(uri)}" if uri else "")
 
     def open(self) -> MlflowClient:
         """Finds or creates the run in the store; returns the store's client; raises :class:`TrackingError`."""
@@ -160,7 +160,7 @@ class RunSync:
         made = read_versions(self.folder)
         tags = {
             **resolve_tags(),
-            "mlflow.source.name": "experiments.train",
+            "mlflow.source.name": "segar.experiments.train",
         }  # MLflow's own: the user, the kind of the source
         if made.get("git"):
             tags["mlflow.source.git.commit"] = made["git"]["commit"]

@@ -11,9 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from experiments.settings import RunConfig, RunFolderError, TrackingError
-from experiments.tracking.mlflow_store import StoreBusy, is_remote
-from experiments.tracking.mlflow_sync import RunSync
+from segar.experiments.settings import RunConfig, RunFolderError, TrackingError
+from segar.experiments.tracking.mlflow_store import StoreBusy, is_remote
+from segar.experiments.tracking.mlflow_sync import RunSync
 
 LONGEST_PAUSE = 60.0  # [s] between attempts, while the store is away
 LAST_WAIT = 30.0  # [s] that the end of a run waits for the store
@@ -46,7 +46,7 @@ def start_tracking(config: RunConfig, folder: Path, rows: Sequence[dict[str, Any
 
 
 class MLflowTracker(Tracker):
-    """Sends to MLflow every ``interval`` seconds, in a thread; see :mod:`experiments.tracking.mlflow_sync`."""
+    """Sends to MLflow every ``interval`` seconds, in a thread; see :mod:`segar.experiments.tracking.mlflow_sync`."""
 
     def __init__(self, sync: RunSync, interval: float, rows: Sequence[dict[str, Any]]) -> None:
         sync.replace_if_ahead(len(rows))

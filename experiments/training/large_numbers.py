@@ -6,9 +6,9 @@ from itertools import islice
 
 import numpy as np
 
-from experiments.levels.builders import Prepared
 from segar.envs import VectorEnv, play
 from segar.evaluation import Random
+from segar.experiments.levels.builders import Prepared
 from segar.observations import StateVector
 
 LARGE = 10.0  # a network whose weights start at the usual size learns badly from numbers beyond

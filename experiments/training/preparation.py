@@ -4,17 +4,20 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from experiments.algorithms.learner import Learner, make_learner
-from experiments.commands.signals import SignalMonitor
-from experiments.curricula.training_levels import TrainingLevels, settings_of
-from experiments.evaluation.episodes import unseen_by_distances
-from experiments.levels.builders import Prepared, check_observations, check_results
-from experiments.levels.endless import stream_of
-from experiments.networks.devices import arithmetic
-from experiments.runs.executed_code import executed_code, executed_files
-from experiments.runs.journal import Journal
-from experiments.runs.level_prints import is_own, prints_of, share_of
-from experiments.runs.run_folder import (
+from segar.envs import VectorEnv
+from segar.envs.torchrl_env import TorchRLEnv
+from segar.errors import RuleError, SegarError
+from segar.experiments.algorithms.learner import Learner, make_learner
+from segar.experiments.commands.signals import SignalMonitor
+from segar.experiments.curricula.training_levels import TrainingLevels, settings_of
+from segar.experiments.evaluation.episodes import unseen_by_distances
+from segar.experiments.levels.builders import Prepared, check_observations, check_results
+from segar.experiments.levels.endless import stream_of
+from segar.experiments.networks.devices import arithmetic
+from segar.experiments.runs.executed_code import executed_code, executed_files
+from segar.experiments.runs.journal import Journal
+from segar.experiments.runs.level_prints import is_own, prints_of, share_of
+from segar.experiments.runs.run_folder import (
     LEVELS_TEST,
     LEVELS_TRAIN,
     VERSIONS,
@@ -22,15 +25,17 @@ from experiments.runs.run_folder import (
     read_versions,
     write_json,
 )
-from experiments.runs.versions import in_words, versions
-from experiments.settings import ConfigError, RunConfig
-from experiments.training.large_numbers import advice, large_numbers
-from experiments.training.training_loop import Training
-from experiments.training.trials import advice_on_trials
-from experiments.training.unseen import advice_on_entities, advice_on_parameters, unseen_entities, unseen_parameters
-from segar.envs import VectorEnv
-from segar.envs.torchrl_env import TorchRLEnv
-from segar.errors import RuleError, SegarError
+from segar.experiments.runs.versions import in_words, versions
+from segar.experiments.settings import ConfigError, RunConfig
+from segar.experiments.training.large_numbers import advice, large_numbers
+from segar.experiments.training.training_loop import Training
+from segar.experiments.training.trials import advice_on_trials
+from segar.experiments.training.unseen import (
+    advice_on_entities,
+    advice_on_parameters,
+    unseen_entities,
+    unseen_parameters,
+)
 from segar.levels import Levels, hash_of_levels
 
 

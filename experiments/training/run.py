@@ -9,23 +9,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.algorithms.learner import learner_class
-from experiments.commands import process_defaults as runtime
-from experiments.commands.kernels import choose_kernels
-from experiments.commands.signals import watch_signals
-from experiments.evaluation.episodes import (
+from segar.errors import SegarError
+from segar.experiments.algorithms.learner import learner_class
+from segar.experiments.commands import process_defaults as runtime
+from segar.experiments.commands.kernels import choose_kernels
+from segar.experiments.commands.signals import watch_signals
+from segar.experiments.evaluation.episodes import (
     distance_figures,
     diversity_figures,
     evaluate_run,
     evaluation_figures,
     without_number,
 )
-from experiments.levels.builders import Prepared
-from experiments.networks.devices import arithmetic
-from experiments.runs.executed_code import changed_parts, code_after, executed_code
-from experiments.runs.journal import PREPARATION, Journal
-from experiments.runs.own_modules import folders_of
-from experiments.runs.run_folder import (
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.networks.devices import arithmetic
+from segar.experiments.runs.executed_code import changed_parts, code_after, executed_code
+from segar.experiments.runs.journal import PREPARATION, Journal
+from segar.experiments.runs.own_modules import folders_of
+from segar.experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
     SUMMARY,
@@ -41,13 +42,12 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.runs.versions import computed_with
-from experiments.settings import RunConfig, RunFolderError, TrainingError
-from experiments.tracking.mlflow_sync import files_of
-from experiments.tracking.tracker import Tracker, start_tracking
-from experiments.training.preparation import prepare
-from experiments.training.training_loop import Training
-from segar.errors import SegarError
+from segar.experiments.runs.versions import computed_with
+from segar.experiments.settings import RunConfig, RunFolderError, TrainingError
+from segar.experiments.tracking.mlflow_sync import files_of
+from segar.experiments.tracking.tracker import Tracker, start_tracking
+from segar.experiments.training.preparation import prepare
+from segar.experiments.training.training_loop import Training
 
 SHOWN = {  # figures of the closing lines, where there are such, and their names there
     "evaluation/train/return/deterministic": "return on training levels",

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from experiments.algorithms.checkpoint import resume_checkpoint, save_checkpoint
-from experiments.algorithms.learner import Learner
-from experiments.commands.signals import SignalMonitor
-from experiments.curricula.played_log import PLAYED_SCHEMA
-from experiments.curricula.training_levels import TrainingLevels
-from experiments.evaluation.episodes import figures_in_modes, play_in_modes
-from experiments.levels.builders import Prepared
-from experiments.runs.journal import Journal
-from experiments.runs.run_folder import (
+from segar.experiments.algorithms.checkpoint import resume_checkpoint, save_checkpoint
+from segar.experiments.algorithms.learner import Learner
+from segar.experiments.commands.signals import SignalMonitor
+from segar.experiments.curricula.played_log import PLAYED_SCHEMA
+from segar.experiments.curricula.training_levels import TrainingLevels
+from segar.experiments.evaluation.episodes import figures_in_modes, play_in_modes
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.runs.journal import Journal
+from segar.experiments.runs.run_folder import (
     METRIC_SCHEMA,
     METRICS,
     PLAYED,
@@ -25,8 +25,8 @@ from experiments.runs.run_folder import (
     read_versions,
     write_rows,
 )
-from experiments.settings import CheckpointError, RunConfig, TrainingError
-from experiments.training.progress import Progress
+from segar.experiments.settings import CheckpointError, RunConfig, TrainingError
+from segar.experiments.training.progress import Progress
 
 
 @dataclass

@@ -3,9 +3,9 @@
 from itertools import islice
 from typing import Any
 
-from experiments.levels.builders import Prepared
 from segar.envs import VectorEnv, play
 from segar.evaluation import Random
+from segar.experiments.levels.builders import Prepared
 
 NUM_ENVS = 8
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.levels.builders import Prepared
-from experiments.runs.level_prints import is_own
 from segar.envs import VectorEnv, play
 from segar.evaluation import Random
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.runs.level_prints import is_own
 from segar.language import Factor, Parameter, Position
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, StateVector

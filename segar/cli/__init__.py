@@ -1,11 +1,12 @@
 """The command ``segar``: levels, their distances and hardness, kernels, pictures, a game, pages, recordings, labs,
-suites, published results, citations."""
+suites, published results, citations; and what packages register as entry points ``segar.commands``, such as ``segar train``."""
 
 import argparse
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from importlib.metadata import EntryPoint, entry_points
 
 from segar.cli import (
     cite,
@@ -23,8 +24,10 @@ from segar.cli import (
 )
 from segar.cli.arguments import load_levels, table
 from segar.errors import SegarError
-from segar.support import USAGE_ERROR, Parser, __version__, escape_what_cannot_be_printed
+from segar.support import USAGE_ERROR, Parser, __version__, escape_what_cannot_be_printed, need
 
+COMPLETION = ("-sc", "--shell-completion")  # by which Hydra is asked what could stand in a command line
+REGISTERED = "segar.commands"
 FAILURE = 1  # exit status where the machine refuses
 INTERRUPTED = 128 + signal.SIGINT  # exit status after Ctrl-C, as shells have it
 
@@ -34,9 +37,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     escape_what_cannot_be_printed()
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())  # one's own modules are found as with `python -m`
-    chosen = make_parser().parse_args(arguments)
+    given = [*(sys.argv[1:] if arguments is None else arguments)]
+    name = completed_command() if given[:1] and given[0] in COMPLETION else "".join(given[:1])
+    registered = entry_points(group=REGISTERED)
     try:
-        chosen.run(chosen)
+        if name in registered.names:
+            run_registered(registered[name], given[1:] if name in given else given)
+        else:
+            chosen = make_parser(registered.names).parse_args(arguments)
+            chosen.run(chosen)
         sys.stdout.flush()
     except SegarError as error:
         print(f"segar: {error}", file=sys.stderr)
@@ -56,9 +65,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """The parser of all commands; what it parsed has ``run``, to be called with it."""
-    parser = Parser("segar", description=__doc__)
+def completed_command() -> str:
+    """The command whose line a shell completes; it is taken out of the line, which is then as Hydra expects it."""
+    program, name, *rest = [*os.environ.get("COMP_LINE", "").split(" ", 2), "", ""]
+    os.environ["COMP_LINE"] = f"{program} {rest[0]}"
+    return name
+
+
+def run_registered(command: EntryPoint, arguments: list[str]) -> None:
+    """Call the function of a command with these arguments in ``sys.argv``; raises :class:`SegarError` if packages lack."""
+    if command.module.startswith("segar."):
+        need(f"segar {command.name}", "hydra", "pandas")
+    sys.argv[1:] = arguments
+    command.load()()
+
+
+def make_parser(registered: Collection[str] = ()) -> argparse.ArgumentParser:
+    """The parser of all commands but those that are registered; what it parsed has ``run``, to be called with it."""
+    more = f"Further commands, each with a --help of its own: {', '.join(sorted(registered))}"
+    parser = Parser("segar", description=__doc__, epilog=more if registered else None)
     parser.add_argument("--version", action="version", version=f"segar {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
     for module in (

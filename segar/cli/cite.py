@@ -67,9 +67,7 @@ def about_run(folder: Path) -> dict[str, Any]:
         SegarError: the folder holds no run, or a file of it cannot be read.
     """
     if not (folder / CONFIG).is_file():
-        raise SegarError(
-            f"{folder} is no run folder: there is no {CONFIG}; give the folder that experiments.train names"
-        )
+        raise SegarError(f"{folder} is no run folder: there is no {CONFIG}; give the folder that segar train names")
     if not (folder / VERSIONS).is_file():
         raise SegarError(f"the run in {folder} never began to train: there is no {VERSIONS}")
     settings, made = _data_in(folder / CONFIG), _data_in(folder / VERSIONS)

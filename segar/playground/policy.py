@@ -29,7 +29,7 @@ def described_policy(
     if not isinstance(policy, (Network, NetworkPolicy)):
         raise SegarError(
             f"policy must be a segar.policies.Network or a NetworkPolicy, not {type(policy).__name__}; make one of a run by"
-            " python -m experiments.evaluate run=FOLDER portable=true, and load its network.npz by Network.load"
+            " segar evaluate run=FOLDER portable=true, and load its network.npz by Network.load"
         )
     if weights not in WEIGHTS:
         raise SegarError(f"weights must be {' or '.join(WEIGHTS)}, not {weights!r}")

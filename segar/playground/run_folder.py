@@ -86,7 +86,7 @@ def _network_of(path: Path) -> tuple[Path, Path]:
     if not found:
         raise SegarError(
             f"{path}: there is no {NETWORK_FILE}, neither here nor in {IN_EVALUATIONS}, which plays without torch; write"
-            f" it by: python -m experiments.evaluate run={path} portable=true"
+            f" it by: segar evaluate run={path} portable=true"
         )
     return found[-1], path.parent.parent if is_evaluation and not (path / CONFIG).exists() else path
 

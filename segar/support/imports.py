@@ -209,7 +209,7 @@ EXTRAS = {
     "sb3": ("stable_baselines3",),
     "results": ("pooch",),
     "studio": ("starlette", "uvicorn"),
-    "train": ("yaml", "torch"),
+    "train": ("yaml", "torch", "hydra", "pandas"),
 }
 
 

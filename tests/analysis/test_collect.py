@@ -8,15 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.collect import CollectConfig, collect, collect_tables
-from analysis.collected_rows import software
-from analysis.plotting.style import colours
-from experiments.reproduce import ReproduceConfig, write_plan
-from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.plan import make_plan
-from experiments.runs.executed_code import combined
-from experiments.runs.run_folder import EPISODE_SCHEMA, PROBES, SUMMARY, folder_path, write_json, write_rows
-from experiments.settings import RunFolderError, ScaleConfig, TrackingConfig, TrackingError
+from segar.analysis.collect import CollectConfig, collect, collect_tables
+from segar.analysis.collected_rows import software
+from segar.analysis.plotting.style import colours
+from segar.experiments.reproduce import ReproduceConfig, write_plan
+from segar.experiments.reproduction.experiment_file import experiment_at
+from segar.experiments.reproduction.plan import make_plan
+from segar.experiments.runs.executed_code import combined
+from segar.experiments.runs.run_folder import EPISODE_SCHEMA, PROBES, SUMMARY, folder_path, write_json, write_rows
+from segar.experiments.settings import RunFolderError, ScaleConfig, TrackingConfig, TrackingError
 from tests.synthetic_runs import MADE_WITH, episodes, settings, write_run
 
 SCALE = ScaleConfig(name="smoke", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
@@ -193,8 +193,8 @@ def test_tables_of_others_do_not_choose_where_anything_is_sent(made, tmp_path):
 
 
 def test_mlflow_has_a_parent_per_experiment_and_its_runs_as_children(tmp_path):
-    from experiments.tracking.mlflow_store import open_store
-    from experiments.tracking.mlflow_sync import RunSync
+    from segar.experiments.tracking.mlflow_store import open_store
+    from segar.experiments.tracking.mlflow_sync import RunSync
 
     tracking = TrackingConfig(experiment="here")
     run = settings(tmp_path, seed=1, scale=dataclasses.replace(SCALE, counts=(1,)), tracking=tracking)

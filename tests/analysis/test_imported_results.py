@@ -6,13 +6,13 @@ import shutil
 import pandas as pd
 import pytest
 
-from analysis.collect import CollectConfig, collect
-from experiments.reproduce import write_plan
-from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.imported_results import read_imported_results
-from experiments.reproduction.plan import as_text, make_plan, measure_speeds
-from experiments.runs.run_folder import folder_path
-from experiments.settings import ConfigError, RunFolderError
+from segar.analysis.collect import CollectConfig, collect
+from segar.experiments.reproduce import write_plan
+from segar.experiments.reproduction.experiment_file import experiment_at
+from segar.experiments.reproduction.imported_results import read_imported_results
+from segar.experiments.reproduction.plan import as_text, make_plan, measure_speeds
+from segar.experiments.runs.run_folder import folder_path
+from segar.experiments.settings import ConfigError, RunFolderError
 from tests.analysis.test_collect import planned, write_all
 
 TABLES = ("runs", "transfers", "levels", "curves", "probes")

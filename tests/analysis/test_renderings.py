@@ -3,7 +3,7 @@
 import matplotlib.image
 import numpy as np
 
-from analysis import renderings
+from segar.analysis import renderings
 
 
 def test_one_call_draws_all_pictures(tmp_path):

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 import segar
-from analysis.distances import count_pairs, in_one_unit, own_levels
-from analysis.gap_plot import correlation, gap_plot, main
-from analysis.runs import (
+from segar.analysis.distances import count_pairs, in_one_unit, own_levels
+from segar.analysis.gap_plot import correlation, draw, gap_plot
+from segar.analysis.runs import (
     about_level_sets,
     column_name,
     read_runs,
@@ -20,13 +20,13 @@ from analysis.runs import (
     summary_text,
     training_sets,
 )
-from analysis.stats.estimate import mean_of_replicates
-from experiments.levels.builders import make_levels
-from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, VERSIONS, read_versions, write_json
-from experiments.runs.run_rows import as_columns, code_warning, run_rows
-from experiments.settings import LevelsConfig, RunFolderError
-from experiments.settings.own_code import file_fingerprint
+from segar.analysis.stats.estimate import mean_of_replicates
 from segar.errors import SegarError
+from segar.experiments.levels.builders import make_levels
+from segar.experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, VERSIONS, read_versions, write_json
+from segar.experiments.runs.run_rows import as_columns, code_warning, run_rows
+from segar.experiments.settings import LevelsConfig, RunFolderError
+from segar.experiments.settings.own_code import file_fingerprint
 from segar.levels import Levels
 from segar.metrics import spread, w2
 from tests.synthetic_runs import settings, write_run
@@ -246,7 +246,7 @@ def test_the_plot_says_what_its_points_are_and_of_how_many_runs(cells, tmp_path)
 
 
 def test_the_command_writes_the_figure_and_says_what_is_left_out(folder, tmp_path, capsys):
-    main(str(folder), output=str(tmp_path / "gap.svg"), x="ks", y="success_test", group="count")
+    draw(str(folder), output=str(tmp_path / "gap.svg"), x="ks", y="success_test", group="count")
     said = capsys.readouterr().out
     assert said.startswith("4 runs on 2 level sets") and "1 without these figures left out" in said
     assert (tmp_path / "gap.svg").read_text().startswith("<?xml")
@@ -254,9 +254,9 @@ def test_the_command_writes_the_figure_and_says_what_is_left_out(folder, tmp_pat
 
 def test_what_cannot_be_plotted_is_an_error_that_names_it(folder, tmp_path):
     with pytest.raises(SegarError, match=r"'.*gap.gif' ends in none of .png, .pdf, .svg"):
-        main(str(folder), output=str(tmp_path / "gap.gif"))
+        draw(str(folder), output=str(tmp_path / "gap.gif"))
     with pytest.raises(SegarError, match="there is no folder"):
-        main(str(tmp_path / "nowhere"))
+        draw(str(tmp_path / "nowhere"))
     with pytest.raises(SegarError, match="run has 36 values, and 7 colours can be told apart"):
         gap_plot(table(), group="run")
     with pytest.raises(SegarError, match=r"the runs have no column 'famly'"):

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks import __main__ as bench
 from benchmarks.measure import Row, in_turns
-from experiments.commands.command_line import run_from_command_line
+from segar.experiments.commands.command_line import run_from_command_line
 
 
 def table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:

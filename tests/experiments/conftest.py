@@ -32,7 +32,7 @@ def one_process():
 @contextmanager
 def working_here():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("experiments.reproduction.process_pool._pool", contextmanager(lambda _: (yield Here())))
+        patch.setattr("segar.experiments.reproduction.process_pool._pool", contextmanager(lambda _: (yield Here())))
         yield
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 import torch
 
-from experiments.algorithms.checkpoint import read_checkpoint
-from experiments.algorithms.ppo import PPO
-from experiments.runs.run_folder import CHECKPOINT, read_episodes, read_metrics
-from experiments.settings import (
-    CHECKOUT,
+from segar.experiments.algorithms.checkpoint import read_checkpoint
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.runs.run_folder import CHECKPOINT, read_episodes, read_metrics
+from segar.experiments.settings import (
+    WORKSPACE,
     EvaluationConfig,
     LevelsConfig,
     PPOConfig,
@@ -43,9 +43,9 @@ COMMAND = (
 )
 
 
-def run_module(module, *arguments, cwd=CHECKOUT, **environment):
+def run_module(module, *arguments, cwd=WORKSPACE, **environment):
     """What ``python -m <module>`` does in a working directory, where a user's modules may lie: the process, which has ended."""
-    environment = {**os.environ, "PYTHONPATH": f"{CHECKOUT}{os.pathsep}{cwd}", **environment}
+    environment = {**os.environ, "PYTHONPATH": f"{WORKSPACE}{os.pathsep}{cwd}", **environment}
     command = [sys.executable, "-m", module, *arguments]
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
 

@@ -87,8 +87,8 @@ claims: {größe: {says: "Größer ist schlechter.", test: correlation, given: [
 def test_kernels_captions_and_studies_are_written_and_read_in_the_locale_c(tmp_path):
     (tmp_path / "study.yaml").write_text(STUDY, encoding="utf-8")
     program = (
-        "import pathlib, analysis.report.captions, analysis.report.claims.statements\n"
-        "from experiments.reproduction.study_file import read_study\n"
+        "import pathlib, segar.analysis.report.captions, segar.analysis.report.claims.statements\n"
+        "from segar.experiments.reproduction.study_file import read_study\n"
         "from segar.engine.compiler.kernel_cache import load_module\n"
         "load_module('gr\\xf6\\xdfe = 1\\n')\n"
         "assert read_study(pathlib.Path('study.yaml')).experiment['title'] == 'Gr\\xf6\\xdfe'\n"

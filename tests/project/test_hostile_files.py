@@ -14,24 +14,24 @@ import pytest
 import yaml
 
 import segar
-from analysis.distances import transfer_levels
-from experiments.benchmark import BenchmarkConfig
-from experiments.benchmarking import verification
-from experiments.benchmarking.method import again
-from experiments.benchmarking.playing import options_of
-from experiments.benchmarking.protocol import SHIPPED
-from experiments.benchmarking.row import ROW, hash_of, read_row
-from experiments.benchmarking.verification import verify
-from experiments.evaluation.transfers import Transfer
-from experiments.levels.builders import Prepared
-from experiments.runs.run_folder import CONFIG, EVALUATIONS, JOURNAL, SUMMARY, SWEEPS, VERSIONS, read_config
-from experiments.runs.run_rows import UNREADABLE, run_rows
-from experiments.settings import ObservationConfig, PLRConfig, RunConfig, as_data
+from segar.analysis.distances import transfer_levels
 from segar.datasets import read_play
 from segar.datasets.recipe import FORM as RECIPE
 from segar.datasets.recipe import recipe_from
 from segar.envs import Snapshot, VectorEnv
 from segar.errors import SegarError
+from segar.experiments.benchmark import BenchmarkConfig
+from segar.experiments.benchmarking import verification
+from segar.experiments.benchmarking.method import again
+from segar.experiments.benchmarking.playing import options_of
+from segar.experiments.benchmarking.protocol import SHIPPED
+from segar.experiments.benchmarking.row import ROW, hash_of, read_row
+from segar.experiments.benchmarking.verification import verify
+from segar.experiments.evaluation.transfers import Transfer
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.runs.run_folder import CONFIG, EVALUATIONS, JOURNAL, SUMMARY, SWEEPS, VERSIONS, read_config
+from segar.experiments.runs.run_rows import UNREADABLE, run_rows
+from segar.experiments.settings import ObservationConfig, PLRConfig, RunConfig, as_data
 from segar.hardness import Plan, plan
 from segar.lab import Lab, Session
 from segar.playground.run_folder import read_policy

@@ -79,7 +79,7 @@ def test_measuring_a_distance_does_not_load_torch():
 
 
 def test_tables_plots_and_reports_do_not_load_torch():
-    loaded = modules_loaded_by("import analysis.collect, analysis.gap_plot, analysis.report.make")
+    loaded = modules_loaded_by("import segar.analysis.collect, segar.analysis.gap_plot, segar.analysis.report.make")
     assert "torch" not in loaded, "what reads results imports what trains"
 
 

@@ -23,7 +23,7 @@ ROOMS = (
     "segar", "segar.language", "segar.rules", "segar.noise", "segar.levels", "segar.tasks", "segar.textures", "segar.metrics",
     "segar.observations", "segar.rendering", "segar.envs", "segar.hardness", "segar.policies", "segar.evaluation",
     "segar.datasets", "segar.lab", "segar.suites", "segar.playground", "segar.engine", "segar.errors",
-    "experiments.settings", "experiments.algorithms", "experiments.curricula",
+    "segar.experiments.settings", "segar.experiments.algorithms", "segar.experiments.curricula",
 )  # fmt: skip
 MOST_NAMES_AT_THE_ROOT, MOST_NAMES = 77, 200
 

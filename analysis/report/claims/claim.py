@@ -10,10 +10,10 @@ from itertools import product
 
 import pandas as pd
 
-from analysis.report.claims import verdicts
-from analysis.report.rules import ALPHA, PRESENT
-from analysis.stats.association import holm
-from analysis.stats.estimate import Estimate
+from segar.analysis.report.claims import verdicts
+from segar.analysis.report.rules import ALPHA, PRESENT
+from segar.analysis.stats.association import holm
+from segar.analysis.stats.estimate import Estimate
 
 CLAIMS = "claims.csv"  # of claims_table
 METRIC_2022, METRIC_OURS = "2022 metric", "our metric"  # of distances and returns

@@ -1,4 +1,4 @@
-"""The statistics that claims, figures and tables share, each computed once, by :mod:`analysis.stats`."""
+"""The statistics that claims, figures and tables share, each computed once, by :mod:`segar.analysis.stats`."""
 
 import dataclasses
 import zlib
@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
-from analysis.report.rules import LEAST_BLOCKS
-from analysis.stats.association import ASSOCIATION_COLUMNS, associations, labels
-from analysis.stats.attribution import full_factorial, shapley_of_pairs
-from analysis.stats.correlation import correlate, explained, indicators
-from analysis.stats.estimate import Estimate
-from analysis.stats.mixed import mixed_model
-from analysis.stats.prediction import left_out
-from analysis.stats.resampling import by_blocks, partial, permutation_of_blocks
-from analysis.tables import column, count_of, keep, pick, select
-from experiments.reproduction.grid import compares_panels
+from segar.analysis.report.results import BLOCK, ETA, PANEL, Results, measured
+from segar.analysis.report.rules import LEAST_BLOCKS
+from segar.analysis.stats.association import ASSOCIATION_COLUMNS, associations, labels
+from segar.analysis.stats.attribution import full_factorial, shapley_of_pairs
+from segar.analysis.stats.correlation import correlate, explained, indicators
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.stats.mixed import mixed_model
+from segar.analysis.stats.prediction import left_out
+from segar.analysis.stats.resampling import by_blocks, partial, permutation_of_blocks
+from segar.analysis.tables import column, count_of, keep, pick, select
 from segar.errors import SegarError
+from segar.experiments.reproduction.grid import compares_panels
 from segar.levels import REST, SEPARATOR
 
 BLOCKS, PERMUTATION = "blocks", "permutation"  # of whole blocks within panels
@@ -72,7 +72,7 @@ class Evidence:
 
     @cached_property
     def associations(self) -> pd.DataFrame:
-        """:func:`analysis.stats.association.associations` of the main grid for every W2 mode and kind of gap."""
+        """:func:`segar.analysis.stats.association.associations` of the main grid for every W2 mode and kind of gap."""
         parts = [
             associations(self.main, f"w2_{mode}", gap).assign(w2=mode, gap=gap) for mode in self.modes for gap in GAPS
         ]
@@ -99,8 +99,8 @@ class Evidence:
         return self.by_blocks(table, values, partial, clusters_given(table, given), correlation=True)
 
     def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str]) -> Estimate:
-        """:func:`analysis.stats.resampling.permutation_of_blocks` within panels; where nothing can be permuted, none and the
-        reason. The same ``name`` always draws the same permutations."""
+        """:func:`segar.analysis.stats.resampling.permutation_of_blocks` within panels; where nothing can be permuted, none and
+        the reason. The same ``name`` always draws the same permutations."""
         rng = np.random.default_rng([SEED, zlib.crc32(name.encode())])
         try:
             return permutation_of_blocks(table, x, y, design(table, given), rng, resamples=RESAMPLES)

@@ -7,13 +7,13 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.report.claims.claim import Planned
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.rows import ROWS
-from analysis.report.claims.statements import METRICS, STATEMENTS, stated
-from analysis.report.claims.tests import restricted
-from analysis.report.results import HARDER
-from analysis.tables import column, keep
+from segar.analysis.report.claims.claim import Planned
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.rows import ROWS
+from segar.analysis.report.claims.statements import METRICS, STATEMENTS, stated
+from segar.analysis.report.claims.tests import restricted
+from segar.analysis.report.results import HARDER
+from segar.analysis.tables import column, keep
 
 # What the name of a run tells (experiments/settings/run.py), and the test that a reason names.
 RUN = r"^(?P<family>[^-]+)-(?P<difficulty>[^-]+)-.*-(?P<algorithm>[^-]+)-s(?P<seed>\d+)-[0-9a-f]+$"

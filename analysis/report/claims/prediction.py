@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.evidence import Evidence
-from analysis.stats.association import keys
-from analysis.stats.correlation import indicators
-from analysis.stats.prediction import gain
-from analysis.tables import Floats, column, keep, mean_by
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.stats.association import keys
+from segar.analysis.stats.correlation import indicators
+from segar.analysis.stats.prediction import gain
+from segar.analysis.tables import Floats, column, keep, mean_by
 
 # Each measure in words, with its column.
 MEASURES = {

@@ -3,13 +3,13 @@
 import dataclasses
 from collections.abc import Mapping
 
-from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding, with_holm
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.planned import planned_of
-from analysis.report.claims.rows import ROWS
-from analysis.report.claims.specifications import specifications, survives
-from analysis.report.claims.statements import STATEMENTS, tested
-from analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS
+from segar.analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding, with_holm
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.planned import planned_of
+from segar.analysis.report.claims.rows import ROWS
+from segar.analysis.report.claims.specifications import specifications, survives
+from segar.analysis.report.claims.statements import STATEMENTS, tested
+from segar.analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS
 
 
 def read_claims(evidence: Evidence) -> list[Claim]:

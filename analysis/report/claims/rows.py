@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.statements import METRICS
-from analysis.report.results import ETA, LESS_REGRET, MEMORY, SUCCESS, Results, less_partner
-from analysis.report.rules import WHOLE
-from analysis.studies.w2 import TEST_LEVELS
-from analysis.tables import column, count_of, keep, pick, select
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.statements import METRICS
+from segar.analysis.report.results import ETA, LESS_REGRET, MEMORY, SUCCESS, Results, less_partner
+from segar.analysis.report.rules import WHOLE
+from segar.analysis.studies.w2 import TEST_LEVELS
+from segar.analysis.tables import column, count_of, keep, pick, select
 
 CONTROL = "nuisance_only"  # a design that is one level many times
 PAPER_AGENT = "paper_agent"

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.evidence import SEED
-from analysis.report.claims.rows import is_plain_ppo
-from analysis.report.results import ETA, Results
-from analysis.stats.association import keys
-from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import FEWEST_UNITS
-from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
-from analysis.tables import Floats, column, count_of, keep, select
+from segar.analysis.report.claims.evidence import SEED
+from segar.analysis.report.claims.rows import is_plain_ppo
+from segar.analysis.report.results import ETA, Results
+from segar.analysis.stats.association import keys
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.stats.resampling import FEWEST_UNITS
+from segar.analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
+from segar.analysis.tables import Floats, column, count_of, keep, select
 
 COMPARED = {"figure_5a": "Self-supervised losses", "appendix_sac": "SAC and PPO"}  # experiments with several algorithms
 CELLS = ("family", "difficulty", "n")  # the tasks: in each, the runs of an algorithm differ by their seeds

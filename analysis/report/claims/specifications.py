@@ -7,16 +7,16 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.claim import METRIC_OURS
-from analysis.report.claims.evidence import GIVEN_CELL, Evidence
-from analysis.report.claims.rows import LEVELS, PROBES, ROWS, accuracies
-from analysis.report.claims.statements import STATEMENTS, tested
-from analysis.report.claims.verdicts import is_known, is_significant
-from analysis.report.results import ETA, LESS_REGRET, SUCCESS
-from analysis.report.rules import MARGINS
-from analysis.stats.estimate import Estimate
-from analysis.tables import column, keep, select
-from experiments.reproduction.experiment_file import SIGNS
+from segar.analysis.report.claims.claim import METRIC_OURS
+from segar.analysis.report.claims.evidence import GIVEN_CELL, Evidence
+from segar.analysis.report.claims.rows import LEVELS, PROBES, ROWS, accuracies
+from segar.analysis.report.claims.statements import STATEMENTS, tested
+from segar.analysis.report.claims.verdicts import is_known, is_significant
+from segar.analysis.report.results import ETA, LESS_REGRET, SUCCESS
+from segar.analysis.report.rules import MARGINS
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.tables import column, keep, select
+from segar.experiments.reproduction.experiment_file import SIGNS
 
 Specification = tuple[str, dict[str, str], Estimate]  # the claim, the choices, and what they give
 SHARE = 0.8  # of the specifications that must agree

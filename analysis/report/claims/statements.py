@@ -9,11 +9,11 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from analysis.plotting import style
-from analysis.plotting.names import panel_name, word_for
-from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Finding
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.tests import StatedTest, finding_of
+from segar.analysis.plotting import style
+from segar.analysis.plotting.names import panel_name, word_for
+from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Finding
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.tests import StatedTest, finding_of
 
 STATEMENTS: Mapping[str, Mapping[str, Any]] = yaml.safe_load(Path(__file__).with_name("statements.yaml").read_bytes())
 # What the names in braces stand for in each metric.

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.claim import Finding
-from analysis.report.claims.evidence import Evidence, matrix, pearson
-from analysis.report.number_format import signed
-from analysis.report.results import BLOCK, paired
-from analysis.report.rules import MARGINS
-from analysis.stats.correlation import explained
-from analysis.stats.estimate import Estimate
-from analysis.tables import column, count_of, keep
-from experiments.reproduction.experiment_file import SIGNS
-from experiments.reproduction.grid import NUMBERS_OF_LEVELS
+from segar.analysis.report.claims.claim import Finding
+from segar.analysis.report.claims.evidence import Evidence, matrix, pearson
+from segar.analysis.report.number_format import signed
+from segar.analysis.report.results import BLOCK, paired
+from segar.analysis.report.rules import MARGINS
+from segar.analysis.stats.correlation import explained
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.tables import column, count_of, keep
+from segar.experiments.reproduction.experiment_file import SIGNS
+from segar.experiments.reproduction.grid import NUMBERS_OF_LEVELS
 
 SAME = ("family", "difficulty", "n", "seed")  # what the runs of a pair share, unless a test says otherwise
 DUMMIES = {"one_level": "[n = 1]", "log_n": "log n"}  # which know nothing of levels

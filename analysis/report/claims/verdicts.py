@@ -9,9 +9,9 @@ from collections.abc import Iterable
 
 from scipy import stats
 
-from analysis.report.rules import ALPHA
-from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import to_normal
+from segar.analysis.report.rules import ALPHA
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.stats.resampling import to_normal
 
 SUPPORTED, NOT_SUPPORTED, UNDECIDED = "supported", "not supported", "undecided"
 NOT_YET, NOT_TESTABLE = "not yet tested", "cannot be tested"

@@ -7,17 +7,17 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import word_for
-from analysis.report.claims.claim import ALL_RUNS, METRIC_OURS, Claim
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.rows import PAPER_AGENT, SAC
-from analysis.report.claims.statements import STATEMENTS, tested
-from analysis.report.claims.verdicts import is_significant
-from analysis.report.number_format import NONE, effect, estimate_text, plain, with_interval
-from analysis.report.results import ETA, SUCCESS
-from analysis.stats.correlation import indicators
-from analysis.stats.estimate import Estimate
-from analysis.tables import column, count_of, keep, select
+from segar.analysis.plotting.names import word_for
+from segar.analysis.report.claims.claim import ALL_RUNS, METRIC_OURS, Claim
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.rows import PAPER_AGENT, SAC
+from segar.analysis.report.claims.statements import STATEMENTS, tested
+from segar.analysis.report.claims.verdicts import is_significant
+from segar.analysis.report.number_format import NONE, effect, estimate_text, plain, with_interval
+from segar.analysis.report.results import ETA, SUCCESS
+from segar.analysis.stats.correlation import indicators
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.tables import column, count_of, keep, select
 
 # Other outcomes that the rules name; the return on test levels falls as the regret grows.
 SECOND = {"gap_success": "gap in success", "gap": "gap in returns", ETA: "return on test levels (less regret)"}

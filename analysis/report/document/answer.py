@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.report.claims import verdicts
-from analysis.report.claims.claim import LEARNED, METRIC_OURS, Claim, Finding, is_correlation
-from analysis.report.claims.evidence import Evidence
-from analysis.report.number_format import estimate_text
-from analysis.tables import select
+from segar.analysis.report.claims import verdicts
+from segar.analysis.report.claims.claim import LEARNED, METRIC_OURS, Claim, Finding, is_correlation
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.number_format import estimate_text
+from segar.analysis.tables import select
 
 OF_W2 = ("matched-w2", "states-w2")  # the studies that take W2 and the number of levels apart
 

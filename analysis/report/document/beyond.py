@@ -4,20 +4,20 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
-from analysis.plotting.names import word_for
-from analysis.report.captions import TABLES
-from analysis.report.claims.claim import METRIC_OURS
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.prediction import matched_predictions
-from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
-from analysis.report.claims.statements import stated
-from analysis.report.claims.tests import SAME, differences
-from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
-from analysis.report.document.tables import frames_of, means, means_table, row_of
-from analysis.report.number_format import NONE, effect, estimate_text, listed, p_value, plain
-from analysis.report.results import shifts_in_words
-from analysis.stats.estimate import Estimate
-from analysis.tables import count_of, select
+from segar.analysis.plotting.names import word_for
+from segar.analysis.report.captions import TABLES
+from segar.analysis.report.claims.claim import METRIC_OURS
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.prediction import matched_predictions
+from segar.analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
+from segar.analysis.report.claims.statements import stated
+from segar.analysis.report.claims.tests import SAME, differences
+from segar.analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
+from segar.analysis.report.document.tables import frames_of, means, means_table, row_of
+from segar.analysis.report.number_format import NONE, effect, estimate_text, listed, p_value, plain
+from segar.analysis.report.results import shifts_in_words
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.tables import count_of, select
 
 CONTRASTS = ("gap in success", "n", "family", "difference", "95 %", "p", "pairs")  # columns of contrasts
 Drawer = Callable[[str], list[Block]]

@@ -7,9 +7,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from analysis.report.claims.claim import ALL_RUNS, LEARNED, METRIC_2022, METRIC_OURS, Claim, is_correlation
-from analysis.report.number_format import NONE, effect, effect_of_r, p_value, plain
-from analysis.stats.estimate import Estimate
+from segar.analysis.report.claims.claim import ALL_RUNS, LEARNED, METRIC_2022, METRIC_OURS, Claim, is_correlation
+from segar.analysis.report.number_format import NONE, effect, effect_of_r, p_value, plain
+from segar.analysis.stats.estimate import Estimate
 
 IN_BLOCKS = re.compile(r"in (\d+) blocks")
 PIECE = re.compile(r"`([^`]+)`|\*\*([^*]+)\*\*")

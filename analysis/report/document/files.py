@@ -3,16 +3,16 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from analysis.plotting import style
-from analysis.plotting.figures import save_figure
-from analysis.report import captions
-from analysis.report.document.blocks import Block, Document, Paragraph, Picture
-from analysis.report.document.html import page
-from analysis.report.document.markdown import markdown
-from analysis.report.document.pdf import print_page
-from analysis.report.figures.drawing import Drawn
-from analysis.tables import write_csv
-from experiments.runs.files import write_text
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import save_figure
+from segar.analysis.report import captions
+from segar.analysis.report.document.blocks import Block, Document, Paragraph, Picture
+from segar.analysis.report.document.html import page
+from segar.analysis.report.document.markdown import markdown
+from segar.analysis.report.document.pdf import print_page
+from segar.analysis.report.figures.drawing import Drawn
+from segar.analysis.tables import write_csv
+from segar.experiments.runs.files import write_text
 
 PAGE, PRINT, FINDINGS = "report.html", "report.pdf", "findings.md"
 SUFFIXES = (".svg", ".png")  # of figures

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from analysis.report.document.blocks import FINDING_HEAD, Document, Picture, finding_rows, pieces
+from segar.analysis.report.document.blocks import FINDING_HEAD, Document, Picture, finding_rows, pieces
 
 MARKS = {"supported": "✓", "not supported": "✗", "undecided": "?", "not yet tested": "…", "cannot be tested": "–"}
 

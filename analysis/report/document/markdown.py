@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
-from analysis.report.document.html import MARKS
+from segar.analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
+from segar.analysis.report.document.html import MARKS
 
 
 def markdown(title: str, answer: str, blocks: Sequence[Block]) -> str:

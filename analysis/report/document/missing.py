@@ -1,9 +1,9 @@
 """What was planned and is not in the tables, with what it would cost."""
 
-from analysis.report.claims.evidence import Evidence
-from analysis.report.document.blocks import Block, Heading, Paragraph, Table
-from analysis.report.number_format import plain
-from analysis.tables import column, keep
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.document.blocks import Block, Heading, Paragraph, Table
+from segar.analysis.report.number_format import plain
+from segar.analysis.tables import column, keep
 
 MOST_NAMED = 8  # where experiments have no names
 

@@ -5,8 +5,8 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from experiments.runs.files import replacing
-from experiments.settings import RunFolderError
+from segar.experiments.runs.files import replacing
+from segar.experiments.settings import RunFolderError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 MOST_SECONDS = 300

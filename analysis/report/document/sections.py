@@ -5,19 +5,29 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import ALGORITHMS
-from analysis.report.captions import TABLES
-from analysis.report.claims import verdicts
-from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, OF_PAPER, Claim
-from analysis.report.claims.evidence import Evidence
-from analysis.report.document import beyond, tables
-from analysis.report.document.answer import in_a_word, number, why
-from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Tiles, Verdict
-from analysis.report.document.files import as_block
-from analysis.report.document.missing import what_is_missing
-from analysis.report.number_format import listed, plain
-from analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
-from analysis.tables import column, count_of, select
+from segar.analysis.plotting.names import ALGORITHMS
+from segar.analysis.report.captions import TABLES
+from segar.analysis.report.claims import verdicts
+from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, OF_PAPER, Claim
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.document import beyond, tables
+from segar.analysis.report.document.answer import in_a_word, number, why
+from segar.analysis.report.document.blocks import (
+    Block,
+    Bullets,
+    Document,
+    Heading,
+    Paragraph,
+    Picture,
+    Table,
+    Tiles,
+    Verdict,
+)
+from segar.analysis.report.document.files import as_block
+from segar.analysis.report.document.missing import what_is_missing
+from segar.analysis.report.number_format import listed, plain
+from segar.analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
+from segar.analysis.tables import column, count_of, select
 
 SUCCESS = "success_test_deterministic"
 GLOSSARY = (

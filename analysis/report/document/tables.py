@@ -6,18 +6,18 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import panel_name
-from analysis.report.captions import TABLES
-from analysis.report.claims.evidence import BLOCKS, DISTANCES, GAPS, PERMUTATION, Evidence
-from analysis.report.claims.prediction import matched_predictions
-from analysis.report.claims.scores import comparison
-from analysis.report.claims.specifications import specifications
-from analysis.report.document.blocks import Table
-from analysis.report.number_format import effect, effect_of_r, p_value, plain, signed
-from analysis.report.results import PANEL
-from analysis.report.rules import GATE_MARGIN
-from analysis.stats.estimate import Estimate
-from analysis.tables import column, count_of, mean_by, pick, select
+from segar.analysis.plotting.names import panel_name
+from segar.analysis.report.captions import TABLES
+from segar.analysis.report.claims.evidence import BLOCKS, DISTANCES, GAPS, PERMUTATION, Evidence
+from segar.analysis.report.claims.prediction import matched_predictions
+from segar.analysis.report.claims.scores import comparison
+from segar.analysis.report.claims.specifications import specifications
+from segar.analysis.report.document.blocks import Table
+from segar.analysis.report.number_format import effect, effect_of_r, p_value, plain, signed
+from segar.analysis.report.results import PANEL
+from segar.analysis.report.rules import GATE_MARGIN
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.tables import column, count_of, mean_by, pick, select
 
 LEARNED_FROM = "success_train_deterministic"  # what the gate looks at
 CELL_COLUMNS = (

@@ -6,9 +6,9 @@ plotting and results; others use :data:`FIGURES`.
 
 from collections.abc import Callable, Mapping
 
-from analysis.report.claims.evidence import Evidence
-from analysis.report.figures import agents, beyond, main_grid
-from analysis.report.figures.drawing import Drawn
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.figures import agents, beyond, main_grid
+from segar.analysis.report.figures.drawing import Drawn
 
 __all__ = ["FIGURES", "Draw", "Drawn"]
 

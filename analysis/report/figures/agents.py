@@ -4,18 +4,18 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from analysis.plotting import style
-from analysis.plotting.figures import draw_profile, new_figure
-from analysis.plotting.names import panel_name, word_for
-from analysis.report.claims.claim import METRIC_OURS
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.rows import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
-from analysis.report.claims.scores import COMPARED, profiles
-from analysis.report.claims.statements import METRICS
-from analysis.report.figures.drawing import CELL, SHORT_GAP, Drawn, Related, draw_related, figure_of_curves
-from analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
-from analysis.stats.resampling import FEWEST_UNITS
-from analysis.tables import binned, column, count_of, mean_by, pick, select
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import draw_profile, new_figure
+from segar.analysis.plotting.names import panel_name, word_for
+from segar.analysis.report.claims.claim import METRIC_OURS
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.rows import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
+from segar.analysis.report.claims.scores import COMPARED, profiles
+from segar.analysis.report.claims.statements import METRICS
+from segar.analysis.report.figures.drawing import CELL, SHORT_GAP, Drawn, Related, draw_related, figure_of_curves
+from segar.analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
+from segar.analysis.stats.resampling import FEWEST_UNITS
+from segar.analysis.tables import binned, column, count_of, mean_by, pick, select
 
 THRESHOLDS = np.linspace(-0.5, 1.0, 61)  # of scores, in performance profiles
 CHANCE_SEEN = 0.65  # accuracies: where all are above it, the axis does not go down to chance

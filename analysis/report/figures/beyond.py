@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from analysis.plotting import style
-from analysis.plotting.figures import (
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import (
     DOT,
     PAGE_WIDTH,
     draw_points,
@@ -16,16 +16,16 @@ from analysis.plotting.figures import (
     new_figure,
     zero_line,
 )
-from analysis.plotting.names import word_for
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.rows import all_rule_set_runs, one_number_of_levels, trial_columns, trial_runs
-from analysis.report.figures.drawing import CELL, GAP, Drawn, dots, draw_means, log_axis, success_by_number
-from analysis.report.number_format import estimate_text
-from analysis.report.results import PANEL, shifts_in_words
-from analysis.stats.estimate import mean_of_replicates
-from analysis.stats.resampling import mean_of_units
-from analysis.studies.w2 import TEST_LEVELS
-from analysis.tables import column, count_of, keep, pick, select
+from segar.analysis.plotting.names import word_for
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.rows import all_rule_set_runs, one_number_of_levels, trial_columns, trial_runs
+from segar.analysis.report.figures.drawing import CELL, GAP, Drawn, dots, draw_means, log_axis, success_by_number
+from segar.analysis.report.number_format import estimate_text
+from segar.analysis.report.results import PANEL, shifts_in_words
+from segar.analysis.stats.estimate import mean_of_replicates
+from segar.analysis.stats.resampling import mean_of_units
+from segar.analysis.studies.w2 import TEST_LEVELS
+from segar.analysis.tables import column, count_of, keep, pick, select
 
 SUCCESS = "success_test_deterministic"
 COST = "return there − on own test levels"

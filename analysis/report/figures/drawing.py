@@ -1,6 +1,6 @@
 """What the report's figures share: what a figure is, labels of axes, and figures of one axes per family or panel.
 
-All of it is drawn within :func:`analysis.plotting.style.applied`, which the caller enters.
+All of it is drawn within :func:`segar.analysis.plotting.style.applied`, which the caller enters.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 
-from analysis.plotting import style
-from analysis.plotting.figures import (
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import (
     DOT,
     across,
     draw_line,
@@ -25,11 +25,11 @@ from analysis.plotting.figures import (
     new_figure,
     zero_line,
 )
-from analysis.plotting.names import panel_name, word_for
-from analysis.report.claims.evidence import Evidence
-from analysis.report.number_format import estimate_text
-from analysis.report.results import panels_of, with_panel
-from analysis.tables import column, mean_by, select
+from segar.analysis.plotting.names import panel_name, word_for
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.number_format import estimate_text
+from segar.analysis.report.results import panels_of, with_panel
+from segar.analysis.tables import column, mean_by, select
 
 CELL = ["family", "difficulty", "n", "seed"]
 SHORT_GAP = "gap (test − training)"

@@ -8,15 +8,15 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from analysis.plotting import style
-from analysis.plotting.figures import DOT, PAGE_WIDTH, error_bars, new_figure, zero_line
-from analysis.plotting.names import word_for
-from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
-from analysis.report.claims.evidence import GIVEN_CELL, Evidence
-from analysis.report.claims.specifications import ALL_COUNTS, specifications
-from analysis.report.figures.drawing import CELL, GAP, GAP_2022, Drawn, success_by_number
-from analysis.report.number_format import estimate_text, signed
-from analysis.tables import column, count_of, keep, pick, select
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import DOT, PAGE_WIDTH, error_bars, new_figure, zero_line
+from segar.analysis.plotting.names import word_for
+from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS
+from segar.analysis.report.claims.evidence import GIVEN_CELL, Evidence
+from segar.analysis.report.claims.specifications import ALL_COUNTS, specifications
+from segar.analysis.report.figures.drawing import CELL, GAP, GAP_2022, Drawn, success_by_number
+from segar.analysis.report.number_format import estimate_text, signed
+from segar.analysis.tables import column, count_of, keep, pick, select
 
 NO_MAIN_GRID = "there are no runs of the main grid"
 W2_2022, W2_EXACT = "W2 of 2022, training to test levels", "exact W2, training to test levels"

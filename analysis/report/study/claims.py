@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims import verdicts
-from analysis.report.claims.claim import ALL_RUNS, Claim, Finding
-from analysis.report.claims.tests import StatedTest, differences, finding_of, restricted
-from analysis.report.number_format import plain
-from analysis.report.results import PANEL
-from analysis.report.study.reading import OWN_UNITS, Study
-from analysis.runs import column_name, number_column, number_of_pairs
-from analysis.stats.estimate import Estimate
-from analysis.tables import column, keep
-from experiments.reproduction.experiment_file import OF_TASK, SIGNS, ClaimConfig, claim_config
-from experiments.reproduction.grid import AGENT_SEED, LEVEL_SEED, NUMBERS_OF_LEVELS, to_be_equal
-from experiments.settings import ConfigError, import_object
+from segar.analysis.report.claims import verdicts
+from segar.analysis.report.claims.claim import ALL_RUNS, Claim, Finding
+from segar.analysis.report.claims.tests import StatedTest, differences, finding_of, restricted
+from segar.analysis.report.number_format import plain
+from segar.analysis.report.results import PANEL
+from segar.analysis.report.study.reading import OWN_UNITS, Study
+from segar.analysis.runs import column_name, number_column, number_of_pairs
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.tables import column, keep
 from segar.errors import SegarError
+from segar.experiments.reproduction.experiment_file import OF_TASK, SIGNS, ClaimConfig, claim_config
+from segar.experiments.reproduction.grid import AGENT_SEED, LEVEL_SEED, NUMBERS_OF_LEVELS, to_be_equal
+from segar.experiments.settings import ConfigError, import_object
 
 TESTED = "tested"  # how these claims are read: in one way
 WORDS = {verdicts.SUPPORTED: "holds", verdicts.NOT_SUPPORTED: "does not hold"}  # for claims that nobody made before
@@ -107,7 +107,7 @@ def own_estimate(test: str, rows: pd.DataFrame) -> Estimate:
     except Exception as error:  # the function is the user's, and may go wrong in any way
         raise ConfigError(f"test: {test} raises {type(error).__name__}: {error}") from error
     if not isinstance(found, Estimate):
-        raise ConfigError(f"test: {test} returns {type(found).__name__}, not an analysis.stats.estimate.Estimate")
+        raise ConfigError(f"test: {test} returns {type(found).__name__}, not an segar.analysis.stats.estimate.Estimate")
     if found.low > found.high:
         raise ConfigError(
             f"test: {test} returns an interval from {found.low:g} to {found.high:g}; its low must not be above its high"

@@ -5,22 +5,22 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.claim import Claim
-from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
-from analysis.report.document.files import as_block
-from analysis.report.document.missing import what_is_missing
-from analysis.report.document.sections import how_verdicts_are_decided, what_was_run
-from analysis.report.document.tables import means
-from analysis.report.number_format import effect, estimate_text, plain
-from analysis.report.results import ETA, paired
-from analysis.report.study.claims import TESTED, WORDS
-from analysis.report.study.reading import SUCCESS, Study
-from analysis.runs import SAME_LEVELS, SHARED_LEVELS
-from analysis.stats.association import keys
-from analysis.stats.estimate import Estimate
-from analysis.tables import column, count_of, pick, select
-from experiments.reproduction.experiment_file import FEWEST_BLOCKS
-from experiments.reproduction.grid import LEVEL_SEED
+from segar.analysis.report.claims.claim import Claim
+from segar.analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
+from segar.analysis.report.document.files import as_block
+from segar.analysis.report.document.missing import what_is_missing
+from segar.analysis.report.document.sections import how_verdicts_are_decided, what_was_run
+from segar.analysis.report.document.tables import means
+from segar.analysis.report.number_format import effect, estimate_text, plain
+from segar.analysis.report.results import ETA, paired
+from segar.analysis.report.study.claims import TESTED, WORDS
+from segar.analysis.report.study.reading import SUCCESS, Study
+from segar.analysis.runs import SAME_LEVELS, SHARED_LEVELS
+from segar.analysis.stats.association import keys
+from segar.analysis.stats.estimate import Estimate
+from segar.analysis.tables import column, count_of, pick, select
+from segar.experiments.reproduction.experiment_file import FEWEST_BLOCKS
+from segar.experiments.reproduction.grid import LEVEL_SEED
 from segar.support import counted
 
 # Of the rules, those by which a claim with one test is judged, and the margins of correlations and of means.

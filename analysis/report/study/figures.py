@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.gap_plot import gap_plot
-from analysis.plotting import style
-from analysis.plotting.figures import entry, error_bars, figure_of_panels, legend_below, zero_line
-from analysis.report.document.tables import means
-from analysis.report.figures.drawing import (
+from segar.analysis.gap_plot import gap_plot
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import entry, error_bars, figure_of_panels, legend_below, zero_line
+from segar.analysis.report.document.tables import means
+from segar.analysis.report.figures.drawing import (
     GAP,
     Drawn,
     figure_of_curves,
     log_axis,
 )
-from analysis.report.study.reading import SUCCESS, Study
-from analysis.tables import CURVE_POINTS, binned, column, count_of, keep, mean_by, pick, select
+from segar.analysis.report.study.reading import SUCCESS, Study
+from segar.analysis.tables import CURVE_POINTS, binned, column, count_of, keep, mean_by, pick, select
 
 ASIDE = 0.09  # between neighbouring lines, as a share of the number of levels
 

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.distances import COMMON
-from analysis.report.claims.evidence import Evidence
-from analysis.report.results import BLOCK, PANEL, measured, read_results
-from analysis.runs import LEVEL_SETS, column_name, number_of_pairs
-from analysis.tables import count_of, keep, pick, select
-from experiments.reproduction.experiment_file import FEWEST_BLOCKS, STUDY
-from experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_SEED, kind_columns
-from experiments.runs.run_folder import LONGEST
-from experiments.runs.trust import settings_of_file
-from experiments.settings import ConfigError, RunFolderError, add_module_path, flat, read_yaml
+from segar.analysis.distances import COMMON
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.results import BLOCK, PANEL, measured, read_results
+from segar.analysis.runs import LEVEL_SETS, column_name, number_of_pairs
+from segar.analysis.tables import count_of, keep, pick, select
 from segar.errors import did_you_mean
+from segar.experiments.reproduction.experiment_file import FEWEST_BLOCKS, STUDY
+from segar.experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_SEED, kind_columns
+from segar.experiments.runs.run_folder import LONGEST
+from segar.experiments.runs.trust import settings_of_file
+from segar.experiments.settings import ConfigError, RunFolderError, add_module_path, flat, read_yaml
 from segar.support import content_of, misfit
 
 NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic")
@@ -40,8 +40,8 @@ BLOCK_NAMES = {BLOCK: LEVEL_SETS, PANEL: "panels"}  # as their intervals call bl
 class Study:
     """What a study asks, and what its tables say.
 
-    ``runs`` has the columns of :func:`analysis.report.results.measured`; ``agent``, the settings that tell agents apart, in
-    words; and ``levels``, which is ``n``. ``seed`` is that of the level set: the least one of those that gave its levels.
+    ``runs`` has the columns of :func:`segar.analysis.report.results.measured`; ``agent``, the settings that tell agents apart,
+    in words; and ``levels``, which is ``n``. ``seed`` is that of the level set: the least one of those that gave its levels.
     """
 
     asked: Mapping[str, Any]

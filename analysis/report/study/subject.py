@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from analysis.report.claims.claim import Claim, claims_table
-from analysis.report.study.claims import TESTED, WORDS, claim_or_reason
-from analysis.report.study.document import document
-from analysis.report.study.figures import FIGURES
-from analysis.report.study.reading import read_study
-from analysis.report.subject import Subject
+from segar.analysis.report.claims.claim import Claim, claims_table
+from segar.analysis.report.study.claims import TESTED, WORDS, claim_or_reason
+from segar.analysis.report.study.document import document
+from segar.analysis.report.study.figures import FIGURES
+from segar.analysis.report.study.reading import read_study
+from segar.analysis.report.subject import Subject
 
 PAPERS = ("of", "settings", "runs", "where", "follows")  # columns of claims that only the paper's report fills
 

@@ -11,10 +11,10 @@ import pyarrow.parquet as pq
 import pytest
 from mlflow import MlflowClient
 
-from analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
-from analysis.benchmark.leaderboard_page import escaped
-from analysis.benchmark.make import BOARD, CAUSES, PAGE, PROFILE, SCORES, report_rows
-from analysis.benchmark.scores import (
+from segar.analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
+from segar.analysis.benchmark.leaderboard_page import escaped
+from segar.analysis.benchmark.make import BOARD, CAUSES, PAGE, PROFILE, SCORES, report_rows
+from segar.analysis.benchmark.scores import (
     DRAWN,
     OVERALL,
     PRACTICE,
@@ -24,8 +24,8 @@ from analysis.benchmark.scores import (
     rows_in,
     suites_compared,
 )
-from experiments.benchmarking.protocol import REFERENCES, SHIPPED
-from experiments.benchmarking.row import (
+from segar.experiments.benchmarking.protocol import REFERENCES, SHIPPED
+from segar.experiments.benchmarking.row import (
     EPISODES,
     ROW,
     TABLE,
@@ -38,8 +38,8 @@ from experiments.benchmarking.row import (
     hash_of,
     write_drawn,
 )
-from experiments.settings import RunFolderError, TrackingConfig
-from experiments.tracking.mlflow_store import store_uri
+from segar.experiments.settings import RunFolderError, TrackingConfig
+from segar.experiments.tracking.mlflow_store import store_uri
 from segar.suites import CORE, outline, suite, suites
 
 pytestmark = pytest.mark.results
@@ -65,7 +65,7 @@ def compared(table):
 def test_the_shipped_page_and_tables_are_made_of_the_shipped_rows(tmp_path, monkeypatch):
     shipped = tmp_path / "benchmark"
     shutil.copytree(SHIPPED, shipped, ignore=shutil.ignore_patterns(PAGE, "*.csv", "*.png"))
-    monkeypatch.setattr("analysis.benchmark.make.SHIPPED", shipped)
+    monkeypatch.setattr("segar.analysis.benchmark.make.SHIPPED", shipped)
     report_rows(shipped)
     assert (shipped / PAGE).read_text() == (SHIPPED / PAGE).read_text(), "make it again: table=true"
     for name in MADE:

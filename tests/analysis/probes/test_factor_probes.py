@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.probes.entropy import quantise, quantise_law
-from analysis.probes.factors import COLUMNS, information_gain, probe_factors
-from analysis.probes.pairs import Column, Pairs, episode_folds, standardised
-from analysis.probes.table import probe_pairs, shuffled
-from experiments.evaluation.probing import EVERYTHING, ProbeConfig
 from segar import GaussianNoise, UniformNoise
+from segar.analysis.probes.entropy import quantise, quantise_law
+from segar.analysis.probes.factors import COLUMNS, information_gain, probe_factors
+from segar.analysis.probes.pairs import Column, Pairs, episode_folds, standardised
+from segar.analysis.probes.table import probe_pairs, shuffled
 from segar.errors import LevelError, SegarError
+from segar.experiments.evaluation.probing import EVERYTHING, ProbeConfig
 from segar.noise import Choice, Deterministic, Mixture
 
 EPISODES, LENGTH = 120, 10

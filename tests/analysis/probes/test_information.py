@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from analysis.probes import mine_accuracy
-from analysis.probes.critics import CriticSettings, infonce_value, jsd_value, smile_value
-from analysis.probes.information import estimate_bounds, mine_of_2022
-from analysis.probes.pairs import Column, Pairs
+from segar.analysis.probes import mine_accuracy
+from segar.analysis.probes.critics import CriticSettings, infonce_value, jsd_value, smile_value
+from segar.analysis.probes.information import estimate_bounds, mine_of_2022
+from segar.analysis.probes.pairs import Column, Pairs
 from segar.errors import SegarError
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from sklearn.feature_selection import mutual_info_regression
 
-from analysis.probes.nearest import ksg, ksg_estimate
+from segar.analysis.probes.nearest import ksg, ksg_estimate
 from segar.errors import SegarError
 
 

@@ -7,14 +7,14 @@ import pandas as pd
 import pytest
 
 import segar
-from analysis.probes.collection import collect, collect_run, varying_columns
-from analysis.probes.factors import COLUMNS
-from analysis.probes.table import probe_run, represent
-from experiments.evaluation.probing import ProbeConfig
-from experiments.settings import LevelsConfig
-from experiments.training.run import run
+from segar.analysis.probes.collection import collect, collect_run, varying_columns
+from segar.analysis.probes.factors import COLUMNS
+from segar.analysis.probes.table import probe_run, represent
 from segar.errors import SegarError
 from segar.evaluation import Random, Scripted
+from segar.experiments.evaluation.probing import ProbeConfig
+from segar.experiments.settings import LevelsConfig
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
 TRAINING_LEVELS, TEST_LEVELS = 2, 12

@@ -2,11 +2,11 @@
 
 import pytest
 
-from analysis.report.rules import LEAST_BLOCKS, WHOLE
-from experiments.commands.config_store import register_settings
-from experiments.commands.hydra_app import compose_data, initialized
-from experiments.reproduce import SETTINGS, build
-from experiments.reproduction.grid import grid_runs
+from segar.analysis.report.rules import LEAST_BLOCKS, WHOLE
+from segar.experiments.commands.config_store import register_settings
+from segar.experiments.commands.hydra_app import compose_data, initialized
+from segar.experiments.reproduce import SETTINGS, build
+from segar.experiments.reproduction.grid import grid_runs
 
 WITHIN_ONE_PANEL = ("appendix_sac",)
 COMPARING_PANELS = ("figure_3a", "figure_4b")  # 3a, and 4b-none in the 2022 metric: each panel is a block

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.stats.estimate import mean_of_replicates
-from analysis.stats.resampling import mean_of_units
+from segar.analysis.stats.estimate import mean_of_replicates
+from segar.analysis.stats.resampling import mean_of_units
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -8,18 +8,18 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from analysis.plotting import style
-from analysis.plotting.figures import PAGE_WIDTH, new_figure, save_figure
-from analysis.report.claims.evidence import Evidence
-from analysis.report.document.blocks import pieces
-from analysis.report.document.pdf import BROWSERS, print_page
-from analysis.report.figures import FIGURES
-from analysis.report.make import SHIPPED, ReportConfig, main, make_report, track
-from analysis.report.number_format import estimate_text, p_value, plain, signed, with_interval
-from analysis.report.results import read_results
-from analysis.stats.estimate import Estimate
-from experiments.settings import ConfigError, RunFolderError, TrackingConfig
-from experiments.tracking.mlflow_store import open_store
+from segar.analysis.plotting import style
+from segar.analysis.plotting.figures import PAGE_WIDTH, new_figure, save_figure
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.document.blocks import pieces
+from segar.analysis.report.document.pdf import BROWSERS, print_page
+from segar.analysis.report.figures import FIGURES
+from segar.analysis.report.make import SHIPPED, ReportConfig, make_report, report, track
+from segar.analysis.report.number_format import estimate_text, p_value, plain, signed, with_interval
+from segar.analysis.report.results import read_results
+from segar.analysis.stats.estimate import Estimate
+from segar.experiments.settings import ConfigError, RunFolderError, TrackingConfig
+from segar.experiments.tracking.mlflow_store import open_store
 from tests.places import ROOT
 from tests.synthetic_results import PARTS, everything, run_rows, write_results
 
@@ -35,9 +35,9 @@ def few_runs():
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures and bootstraps take seconds; some tests are not about them."""
-    monkeypatch.setattr("analysis.report.claims.evidence.RESAMPLES", 100)
+    monkeypatch.setattr("segar.analysis.report.claims.evidence.RESAMPLES", 100)
 
-    monkeypatch.setattr("analysis.report.document.files.save_figure", stand_in)
+    monkeypatch.setattr("segar.analysis.report.document.files.save_figure", stand_in)
 
 
 def stand_in(figure, path, suffixes):
@@ -60,7 +60,7 @@ def again(request, tmp_path_factory):
     out = tmp_path_factory.mktemp("again") / shipped.name
     with pytest.MonkeyPatch.context() as patched:
         if not drawn:
-            patched.setattr("analysis.report.document.files.save_figure", stand_in)
+            patched.setattr("segar.analysis.report.document.files.save_figure", stand_in)
         return shipped, make_report(ReportConfig(str(shipped), out=str(out)))
 
 
@@ -95,7 +95,7 @@ def test_every_figure_names_its_data_and_the_command_that_draws_it(again):
     page = (again[1].folder / "report.html").read_text()
     for path in sorted((again[1].folder / "figures").glob("*.csv")):
         assert f"figures/{path.name}" in page
-        assert f"python -m analysis.report results=docs/results/{again[0].name} only=[{path.stem}]" in page
+        assert f"segar report results=docs/results/{again[0].name} only=[{path.stem}]" in page
         assert len(pd.read_csv(path)) > 0
 
 
@@ -113,7 +113,7 @@ PRINTS = 'for one; do case $one in --print-to-pdf=*) echo "%PDF- of $page" > "${
 def test_a_browser_prints_the_page(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", fake_browser(tmp_path / "bin", PRINTS))
     folder = write_results(tmp_path / "quick-1234", {"runs": few_runs()})
-    monkeypatch.setattr("analysis.report.paper.FIGURES", {name: lambda evidence: "not here" for name in FIGURES})
+    monkeypatch.setattr("segar.analysis.report.paper.FIGURES", {name: lambda evidence: "not here" for name in FIGURES})
     made = make_report(ReportConfig(str(folder), pdf=True))
     assert folder / "report.pdf" in made.files
     assert (folder / "report.pdf").read_text().startswith("%PDF-")
@@ -168,7 +168,7 @@ def test_a_run_without_all_combinations_is_left_out_of_the_attribution(tmp_path)
 
 def test_one_figure_alone_is_drawn(tmp_path, capsys):
     folder = write_results(tmp_path, {"runs": few_runs()})
-    main(ReportConfig(str(folder), only=("train_and_test",)))
+    report(ReportConfig(str(folder), only=("train_and_test",)))
     assert sorted(path.name for path in (folder / "figures").iterdir()) == [
         f"train_and_test.{suffix}" for suffix in ("csv", "png", "svg")
     ]

@@ -9,18 +9,18 @@ import pytest
 import yaml
 
 import segar
-from analysis.collect import collect_tables
-from analysis.report.make import report_results
-from analysis.report.study import claim_of, read_study
-from analysis.report.study.figures import in_rounds, of_all_runs, success
-from analysis.stats.estimate import Estimate
-from experiments.commands.config_store import register_settings
-from experiments.commands.hydra_app import compose_data, initialized
-from experiments.levels.builders import make_levels
-from experiments.reproduce import SETTINGS, with_sweep_tag, write_plan
-from experiments.reproduction.experiment_file import ClaimConfig
-from experiments.reproduction.plan import make_plan
-from experiments.runs.run_folder import (
+from segar.analysis.collect import collect_tables
+from segar.analysis.report.make import report_results
+from segar.analysis.report.study import claim_of, read_study
+from segar.analysis.report.study.figures import in_rounds, of_all_runs, success
+from segar.analysis.stats.estimate import Estimate
+from segar.experiments.commands.config_store import register_settings
+from segar.experiments.commands.hydra_app import compose_data, initialized
+from segar.experiments.levels.builders import make_levels
+from segar.experiments.reproduce import SETTINGS, with_sweep_tag, write_plan
+from segar.experiments.reproduction.experiment_file import ClaimConfig
+from segar.experiments.reproduction.plan import make_plan
+from segar.experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
     LEVELS_TEST,
@@ -31,9 +31,9 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.runs.trust import TRUSTED
-from experiments.settings import ConfigError, RunFolderError, as_data
-from experiments.study import build, study_of
+from segar.experiments.runs.trust import TRUSTED
+from segar.experiments.settings import ConfigError, RunFolderError, as_data
+from segar.experiments.study import build, study_of
 from segar.levels import Levels
 from segar.metrics import spread, w2
 from tests.synthetic_runs import episodes, write_run

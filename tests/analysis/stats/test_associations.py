@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
-from analysis.stats.association import ASSOCIATION_COLUMNS, associations, holm
+from segar.analysis.stats.association import ASSOCIATION_COLUMNS, associations, holm
 from segar.errors import SegarError
 from tests.analysis.grids import grid
 

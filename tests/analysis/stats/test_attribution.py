@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 import segar
-from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from segar import Position, Size
+from segar.analysis.stats.attribution import full_factorial, shapley_of_pairs
 from segar.errors import LevelError, SegarError
 from segar.hardness import make_situations
 from segar.language.parameters import FloorFriction, Gravity

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.stats.correlation import correlate, explained, indicators, without_outliers
+from segar.analysis.stats.correlation import correlate, explained, indicators, without_outliers
 
 PANELS = np.repeat([f"panel{i}" for i in range(9)], 5)
 

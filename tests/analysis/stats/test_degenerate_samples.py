@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.probes.factors import ratio_over_groups
-from analysis.stats.correlation import correlate
-from analysis.stats.estimate import Estimate, mean_of_replicates
-from analysis.stats.resampling import cluster_jackknife, mean_of_units
-from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
+from segar.analysis.probes.factors import ratio_over_groups
+from segar.analysis.stats.correlation import correlate
+from segar.analysis.stats.estimate import Estimate, mean_of_replicates
+from segar.analysis.stats.resampling import cluster_jackknife, mean_of_units
+from segar.analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
 
 
 def runs(**scores: list[float]) -> pd.DataFrame:

@@ -7,20 +7,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.claims.evidence import Evidence
-from analysis.report.document.blocks import Table
-from analysis.report.document.sections import versions
-from analysis.report.document.tables import cells, means
-from analysis.report.results import read_results
-from analysis.runs import summarise
-from analysis.stats.association import associations, keys
-from analysis.stats.mixed import mixed_model
-from analysis.stats.prediction import left_out
-from analysis.stats.resampling import cluster_jackknife, permutation_of_blocks
-from analysis.stats.scores import aggregates, probability_of_improvement
-from analysis.tables import mean_by
-from experiments.settings import RunFolderError
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.document.blocks import Table
+from segar.analysis.report.document.sections import versions
+from segar.analysis.report.document.tables import cells, means
+from segar.analysis.report.results import read_results
+from segar.analysis.runs import summarise
+from segar.analysis.stats.association import associations, keys
+from segar.analysis.stats.mixed import mixed_model
+from segar.analysis.stats.prediction import left_out
+from segar.analysis.stats.resampling import cluster_jackknife, permutation_of_blocks
+from segar.analysis.stats.scores import aggregates, probability_of_improvement
+from segar.analysis.tables import mean_by
 from segar.errors import SegarError
+from segar.experiments.settings import RunFolderError
 from tests.synthetic_results import run_rows, write_results
 
 ROOT = Path(__file__).parents[3]

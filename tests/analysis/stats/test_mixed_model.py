@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import statsmodels.formula.api as smf
 
-from analysis.stats.mixed import mixed_model
+from segar.analysis.stats.mixed import mixed_model
 from segar.errors import SegarError
 from tests.analysis.grids import grid
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.stats.ranking import coverage, generalizability, places
+from segar.analysis.stats.ranking import coverage, generalizability, places
 
 PLANTED = {"method": 0.01, "suite": 0.04, "method and suite": 0.01, "training levels": 0.0025, "run": 0.0064}
 

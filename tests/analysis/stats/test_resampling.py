@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from analysis.stats.correlation import indicators
-from analysis.stats.resampling import (
+from segar.analysis.stats.correlation import indicators
+from segar.analysis.stats.resampling import (
     cluster_jackknife,
     no_interval,
     permutation_of_blocks,

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement, wins
+from segar.analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement, wins
 from segar.errors import SegarError
 from tests.places import ROOT
 

@@ -3,8 +3,8 @@
 import pandas as pd
 import pytest
 
-from analysis.studies.baselines import players
-from analysis.studies.hardness import hardness_with
+from segar.analysis.studies.baselines import players
+from segar.analysis.studies.hardness import hardness_with
 
 
 def test_the_planner_is_no_worse_than_the_script_and_better_than_chance():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.studies.w2 import COUNTS, IN_MODELS, MEANS_OF_2022, distances, means_of, models_of
+from segar.analysis.studies.w2 import COUNTS, IN_MODELS, MEANS_OF_2022, distances, means_of, models_of
 
 IN_DISTRIBUTION = [pair for pair in MEANS_OF_2022 if pair[0] == pair[1]]
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import segar
-from experiments.algorithms.learner import learner_class, make_learner
-from experiments.evaluation.episodes import play_episodes
-from experiments.settings import PPOConfig, SACConfig
+from segar.experiments.algorithms.learner import learner_class, make_learner
+from segar.experiments.evaluation.episodes import play_episodes
+from segar.experiments.settings import PPOConfig, SACConfig
 
 LEVELS = segar.family("empty-easy").sample(2, seed=0)
 LOW, HIGH, STEPS = -3.0, 7.0, 5

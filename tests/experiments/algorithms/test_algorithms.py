@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from experiments.algorithms.checkpoint import load_newest_policy, resume_checkpoint, save_checkpoint
-from experiments.commands.hydra_app import compose
-from experiments.levels.builders import make_levels
-from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, ScaleConfig, import_object
+from segar.experiments.algorithms.checkpoint import load_newest_policy, resume_checkpoint, save_checkpoint
+from segar.experiments.commands.hydra_app import compose
+from segar.experiments.levels.builders import make_levels
+from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, ScaleConfig, import_object
 
 FEW = {"warmup": 8, "num_steps": 6, "batch_size": 6, "capacity": 64, "widths": (8,)}
 PLAIN = {"num_steps": 8, "encoder": "small", "widths": (8,), "minibatches": 2}

@@ -7,11 +7,11 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from experiments.algorithms.curl import CURL
-from experiments.algorithms.spr import SPR, sequences
-from experiments.collection.collector import Rollout
-from experiments.settings import ConfigError, CURLConfig, SPRConfig
 from segar import family
+from segar.experiments.algorithms.curl import CURL
+from segar.experiments.algorithms.spr import SPR, sequences
+from segar.experiments.collection.collector import Rollout
+from segar.experiments.settings import ConfigError, CURLConfig, SPRConfig
 
 LEVELS = family("objectsx2-easy").sample(5, seed=0)  # frames differ more than those of empty tasks
 SMALL = {
@@ -170,7 +170,7 @@ def test_all_sequences_of_all_environments_are_used_once(monkeypatch):
     asked = []
     found = sequences
     monkeypatch.setattr(
-        "experiments.algorithms.spr.sequences", lambda r, t, e, h: asked.append((t, e)) or found(r, t, e, h)
+        "segar.experiments.algorithms.spr.sequences", lambda r, t, e, h: asked.append((t, e)) or found(r, t, e, h)
     )
     list(one.batches(rollout))
     pairs = [pair for t, e in asked for pair in zip(t.tolist(), e.tolist(), strict=True)]

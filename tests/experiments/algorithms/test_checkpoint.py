@@ -12,11 +12,16 @@ import zipfile
 import pytest
 import torch
 
-from experiments.algorithms.checkpoint import load_newest_policy, read_checkpoint, resume_checkpoint, save_checkpoint
-from experiments.algorithms.ppo import PPO, PPOPolicy
-from experiments.levels.builders import make_levels
-from experiments.runs.run_folder import CHECKPOINT
-from experiments.settings import CheckpointError, PPOConfig, RunConfig
+from segar.experiments.algorithms.checkpoint import (
+    load_newest_policy,
+    read_checkpoint,
+    resume_checkpoint,
+    save_checkpoint,
+)
+from segar.experiments.algorithms.ppo import PPO, PPOPolicy
+from segar.experiments.levels.builders import make_levels
+from segar.experiments.runs.run_folder import CHECKPOINT
+from segar.experiments.settings import CheckpointError, PPOConfig, RunConfig
 from tests.crafted import crafted_descriptions, flipped, zipped
 
 CONFIG = RunConfig(algorithm=PPOConfig(num_envs=4, num_steps=4, widths=(8,), head_width=8))

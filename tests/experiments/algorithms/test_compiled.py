@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch._dynamo.exc import BackendCompilerFailed
 
-from experiments.algorithms.ppo import PPO
-from experiments.settings import ConfigError, PPOConfig, RecurrentPPOConfig, TrainingError
-from experiments.training.run import run
 from segar import family
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.settings import ConfigError, PPOConfig, RecurrentPPOConfig, TrainingError
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import killed_after, same_results, short_run
 
 VECTORS = PPOConfig(num_envs=6, num_steps=16, minibatches=2, widths=(16,), precision="fp32", compile=True)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from experiments.algorithms.drac import AUGMENTATIONS, DrAC, UpperConfidenceBound, changes_under
-from experiments.algorithms.ppo import PPO
-from experiments.settings import ConfigError, DrACConfig, PPOConfig
-from experiments.settings.algorithms import AUGMENTATIONS as NAMES
 from segar import family
+from segar.experiments.algorithms.drac import AUGMENTATIONS, DrAC, UpperConfidenceBound, changes_under
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.settings import ConfigError, DrACConfig, PPOConfig
+from segar.experiments.settings.algorithms import AUGMENTATIONS as NAMES
 
 LEVELS = family("objectsx2-easy").sample(5, seed=0)
 SMALL = {

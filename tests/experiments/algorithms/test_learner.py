@@ -6,10 +6,10 @@ from typing import ClassVar
 import pytest
 from torch import nn
 
-from experiments.algorithms.learner import learner_class, make_learner
-from experiments.algorithms.ppo import PPO
-from experiments.settings import AlgorithmConfig, ConfigError, PPOConfig
-from experiments.training.run import run
+from segar.experiments.algorithms.learner import learner_class, make_learner
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.settings import AlgorithmConfig, ConfigError, PPOConfig
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
 

@@ -7,15 +7,15 @@ import pytest
 import torch
 from torch import nn
 
-from experiments.algorithms.drq import DrQ
-from experiments.algorithms.portable import PortableAgent, network_of
-from experiments.algorithms.ppg import PPG
-from experiments.algorithms.ppo import PPO, PPOPolicy
-from experiments.algorithms.recurrent_ppo import RecurrentPPO
-from experiments.algorithms.sac import SAC
-from experiments.networks.encoders import FrameEncoder, initialize
-from experiments.settings import ConfigError, DrQConfig, PPGConfig, PPOConfig, RecurrentPPOConfig, SACConfig
-from experiments.settings.algorithms import CNNS
+from segar.experiments.algorithms.drq import DrQ
+from segar.experiments.algorithms.portable import PortableAgent, network_of
+from segar.experiments.algorithms.ppg import PPG
+from segar.experiments.algorithms.ppo import PPO, PPOPolicy
+from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO
+from segar.experiments.algorithms.sac import SAC
+from segar.experiments.networks.encoders import FrameEncoder, initialize
+from segar.experiments.settings import ConfigError, DrQConfig, PPGConfig, PPOConfig, RecurrentPPOConfig, SACConfig
+from segar.experiments.settings.algorithms import CNNS
 from segar.policies import NetworkPolicy
 from segar.policies.kernels import normal
 from segar.tasks import puttputt

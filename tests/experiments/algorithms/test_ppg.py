@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from experiments.algorithms.ppg import PPG, auxiliary_losses, mean_of_rollouts
-from experiments.algorithms.ppo import PPO
-from experiments.settings import ConfigError, PPGConfig
 from segar import family
+from segar.experiments.algorithms.ppg import PPG, auxiliary_losses, mean_of_rollouts
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.settings import ConfigError, PPGConfig
 
 LEVELS = family("objectsx2-easy").sample(5, seed=0)
 CONFIG = PPGConfig(

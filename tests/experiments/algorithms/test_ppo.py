@@ -9,17 +9,17 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from experiments.algorithms.ppo import PPO
-from experiments.collection.collector import Rollout
-from experiments.collection.rewards import ReturnScale, learner_reward
-from experiments.networks.encoders import MLP, FrameEncoder
-from experiments.networks.policies import SquashedNormal
-from experiments.settings import ConfigError, PPOConfig, ScaleConfig
-from experiments.training.run import run
 from segar import family
 from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import ActionError
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.collection.collector import Rollout
+from segar.experiments.collection.rewards import ReturnScale, learner_reward
+from segar.experiments.networks.encoders import MLP, FrameEncoder
+from segar.experiments.networks.policies import SquashedNormal
+from segar.experiments.settings import ConfigError, PPOConfig, ScaleConfig
+from segar.experiments.training.run import run
 from segar.tasks.puttputt_task import puttputt
 from tests.experiments.short_runs import short_run
 

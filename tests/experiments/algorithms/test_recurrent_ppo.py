@@ -8,10 +8,10 @@ import torch
 from tensordict import TensorDict
 from torchrl.modules import set_recurrent_mode
 
-from experiments.algorithms.recurrent_ppo import RecurrentPPO
-from experiments.settings import ConfigError, RecurrentPPOConfig
 from segar import family
 from segar.envs import VectorEnv
+from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO
+from segar.experiments.settings import ConfigError, RecurrentPPOConfig
 from segar.tasks.puttputt_task import puttputt
 
 SMALL = RecurrentPPOConfig(num_envs=8, num_steps=12, widths=(16,), core_width=8, head_width=0, minibatches=2)

@@ -8,12 +8,12 @@ import torch
 from tensordict import TensorDict
 from torch.nn import functional as F
 
-from experiments.algorithms.drq import DrQ, DrQPolicy
-from experiments.algorithms.sac import SAC, SACPolicy
-from experiments.networks.encoders import cnn_2022, make_encoder
-from experiments.settings import ConfigError, DrQConfig, SACConfig
 from segar import family
 from segar.envs.vector import VectorEnv
+from segar.experiments.algorithms.drq import DrQ, DrQPolicy
+from segar.experiments.algorithms.sac import SAC, SACPolicy
+from segar.experiments.networks.encoders import cnn_2022, make_encoder
+from segar.experiments.settings import ConfigError, DrQConfig, SACConfig
 from segar.tasks.puttputt_task import puttputt
 
 LEVELS = family("empty-easy").sample(5, seed=0)
@@ -206,7 +206,7 @@ def test_losses_reach_exactly_whom_they_should_behind_a_cnn():
 
 
 def test_what_follows_is_seen_by_the_slow_cnn_for_critics_and_by_the_quick_one_for_the_policy(monkeypatch):
-    monkeypatch.setattr("experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: frames)
+    monkeypatch.setattr("segar.experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: frames)
     one = learner(FRAMES)
     for _ in range(3):
         one.iterate()
@@ -224,7 +224,7 @@ def test_what_follows_is_seen_by_the_slow_cnn_for_critics_and_by_the_quick_one_f
 def test_frames_before_and_after_a_step_are_shifted_by_draws_of_their_own(monkeypatch):
     shifted = []
     monkeypatch.setattr(
-        "experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: shifted.append(pixels) or frames
+        "segar.experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: shifted.append(pixels) or frames
     )
     one = learner(FRAMES)
     while not one.updates_due():

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from experiments.benchmark import (
+from segar.experiments.benchmark import (
     BenchmarkConfig,
     again,
     benchmark,
@@ -20,13 +20,13 @@ from experiments.benchmark import (
     references_of,
     with_names,
 )
-from experiments.benchmarking import protocol
-from experiments.benchmarking.drawn import draw, play_drawn
-from experiments.benchmarking.panel import PanelTask, play_panel, read_panel
-from experiments.benchmarking.players import PlayerTask, make_piece
-from experiments.benchmarking.playing import read_actions, write_actions
-from experiments.benchmarking.protocol import PLAYERS, SHIPPED, suites_named
-from experiments.benchmarking.row import (
+from segar.experiments.benchmarking import protocol
+from segar.experiments.benchmarking.drawn import draw, play_drawn
+from segar.experiments.benchmarking.panel import PanelTask, play_panel, read_panel
+from segar.experiments.benchmarking.players import PlayerTask, make_piece
+from segar.experiments.benchmarking.playing import read_actions, write_actions
+from segar.experiments.benchmarking.protocol import PLAYERS, SHIPPED, suites_named
+from segar.experiments.benchmarking.row import (
     EPISODES,
     ROW,
     TABLE,
@@ -38,9 +38,9 @@ from experiments.benchmarking.row import (
     read_row,
     write_drawn,
 )
-from experiments.benchmarking.verification import is_verified, verify
-from experiments.commands.overrides import with_own_names
-from experiments.settings import (
+from segar.experiments.benchmarking.verification import is_verified, verify
+from segar.experiments.commands.overrides import with_own_names
+from segar.experiments.settings import (
     ConfigError,
     ObservationConfig,
     PPOConfig,
@@ -101,7 +101,7 @@ def test_the_core_has_twelve_suites_and_all_axes():
 def test_a_player_becomes_a_row_that_plays_again_to_the_bit(tmp_path, monkeypatch, player):
     row = row_made_here(config_of(tmp_path, player=player))
     of = suite(SUITE)
-    monkeypatch.setattr("experiments.benchmarking.verification.private_cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("segar.experiments.benchmarking.verification.private_cache_folder", lambda: tmp_path)
     assert verify(row, [SUITE]) and not is_verified(row), "a part of it is not all of it"
     assert verify(row) == len(of.test_levels) + of.training_levels == len(row.episodes())
     assert is_verified(row) and not is_verified(dataclasses.replace(row, means="0"))
@@ -349,7 +349,7 @@ def test_other_files_of_actions_are_no_part_of_a_row(tmp_path):
 def few_drawn(monkeypatch):
     """Few levels are drawn, as many as this."""
     for module in ("drawn", "panel"):
-        monkeypatch.setattr(f"experiments.benchmarking.{module}.LEVELS", 40)
+        monkeypatch.setattr(f"segar.experiments.benchmarking.{module}.LEVELS", 40)
     return 40
 
 
@@ -375,7 +375,7 @@ def test_an_agent_that_sees_no_textures_leaves_their_suites_out(tmp_path):
 
 
 def test_scores_need_references_that_no_folder_has(tmp_path, monkeypatch):
-    monkeypatch.setattr("experiments.benchmarking.settings.SHIPPED", tmp_path / "none")
+    monkeypatch.setattr("segar.experiments.benchmarking.settings.SHIPPED", tmp_path / "none")
     wanted = [one.player for one in references_of(config_of(tmp_path, policy="a:b", row="mine"))]
     assert wanted == ["idle", "random", "planner"]
     row_made_here(config_of(tmp_path, player="idle"))
@@ -515,7 +515,9 @@ def test_shipped_rows_are_small_and_of_the_suites_that_there_are():
 def test_jobs_of_a_launcher_add_to_one_row(tmp_path, launcher):
     asked = [f"hydra/launcher={launcher}", f"suite={SUITE}", "seed=1,2", "seeds=1", "budget=open", "scale.frames=2_000"]
     common = ["report=false", "processes=1", "tracking=none", "observation=state", "algorithm=ppo_fast"]
-    done = run_module("experiments.benchmark", "--multirun", *asked, *common, f"root={tmp_path / 'runs'}", cwd=tmp_path)
+    done = run_module(
+        "segar.experiments.benchmark", "--multirun", *asked, *common, f"root={tmp_path / 'runs'}", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     row = read_row(tmp_path / "runs" / "benchmark" / "ppo_fast-state-open")
     assert [piece.seed for piece in row.pieces] == [1, 2]
@@ -523,8 +525,8 @@ def test_jobs_of_a_launcher_add_to_one_row(tmp_path, launcher):
 
 @pytest.mark.slow
 def test_the_command_verifies_and_explains_itself():
-    assert "suite=core" in run_module("experiments.benchmark", "--help").stdout
-    done = run_module("experiments.benchmark", "verify=idle", f"suite={SUITE}")
+    assert "suite=core" in run_module("segar.experiments.benchmark", "--help").stdout
+    done = run_module("segar.experiments.benchmark", "verify=idle", f"suite={SUITE}")
     assert done.returncode == 0 and "episodes are equal to the bit" in done.stdout, done.stderr
-    wrong = run_module("experiments.benchmark", "verify=idel")
+    wrong = run_module("segar.experiments.benchmark", "verify=idel")
     assert wrong.returncode == 1 and "there is no row 'idel'. Did you mean 'idle'?" in wrong.stderr

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from experiments.benchmarking.row import (
+from segar.experiments.benchmarking.row import (
     EPISODES,
     MEANS,
     ROW,
@@ -19,7 +19,7 @@ from experiments.benchmarking.row import (
     read_row,
     row_of,
 )
-from experiments.settings import RunFolderError
+from segar.experiments.settings import RunFolderError
 
 METHOD = Method("mine", "networks", "a method", "laptop", 100, {"observation": {"name": "state", "options": {}}})
 

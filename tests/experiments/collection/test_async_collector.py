@@ -5,16 +5,16 @@ import dataclasses
 import pytest
 import torch
 
-from experiments.algorithms.curl import CURL
-from experiments.algorithms.drac import DrAC
-from experiments.algorithms.ppg import PPG
-from experiments.algorithms.ppo import PPO
-from experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
-from experiments.collection.async_collector import AsyncCollector
-from experiments.settings import CURLConfig, DrACConfig, PPGConfig, PPOConfig
-from experiments.training.run import run
 from segar import family
 from segar.errors import ActionError
+from segar.experiments.algorithms.curl import CURL
+from segar.experiments.algorithms.drac import DrAC
+from segar.experiments.algorithms.ppg import PPG
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
+from segar.experiments.collection.async_collector import AsyncCollector
+from segar.experiments.settings import CURLConfig, DrACConfig, PPGConfig, PPOConfig
+from segar.experiments.training.run import run
 from tests.experiments.conftest import Here
 from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
 

@@ -6,16 +6,20 @@ import dataclasses
 import pytest
 import torch
 
-from experiments.algorithms.curl import CURL
-from experiments.algorithms.drac import DrAC
-from experiments.algorithms.drq import DrQ
-from experiments.algorithms.ppg import PPG
-from experiments.algorithms.ppo import PPO
-from experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
-from experiments.algorithms.sac import SAC
-from experiments.algorithms.spr import SPR
-from experiments.collection.device_collector import DeviceCollector
-from experiments.settings import (
+from segar import family
+from segar.engine.cuda.driver import Driver
+from segar.envs import device_episodes
+from segar.envs.device_episodes import GPU
+from segar.experiments.algorithms.curl import CURL
+from segar.experiments.algorithms.drac import DrAC
+from segar.experiments.algorithms.drq import DrQ
+from segar.experiments.algorithms.ppg import PPG
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
+from segar.experiments.algorithms.sac import SAC
+from segar.experiments.algorithms.spr import SPR
+from segar.experiments.collection.device_collector import DeviceCollector
+from segar.experiments.settings import (
     ConfigError,
     CURLConfig,
     DrACConfig,
@@ -25,10 +29,6 @@ from experiments.settings import (
     SACConfig,
     SPRConfig,
 )
-from segar import family
-from segar.engine.cuda.driver import Driver
-from segar.envs import device_episodes
-from segar.envs.device_episodes import GPU
 from segar.observations import Pixels, Stack
 from tests.segar.engine.cuda.stub_driver import StubDriver
 

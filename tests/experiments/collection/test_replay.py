@@ -5,7 +5,7 @@ import io
 import pytest
 import torch
 
-from experiments.collection.replay import CHUNK, Replay, pack_frames, unpack_frames
+from segar.experiments.collection.replay import CHUNK, Replay, pack_frames, unpack_frames
 
 
 class Walk:
@@ -131,7 +131,7 @@ def test_frames_are_stored_once_and_compressed_once(monkeypatch):
     assert rows < 1.5 * len(walk.steps)
     calls = []
     monkeypatch.setattr(
-        "experiments.collection.replay.pack_frames", lambda f, s: calls.append(len(f)) or pack_frames(f, s)
+        "segar.experiments.collection.replay.pack_frames", lambda f, s: calls.append(len(f)) or pack_frames(f, s)
     )
     replay.state_dict()
     first = len(calls)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.commands.command_line import parse_settings, run_from_command_line
-from experiments.settings import ConfigError
+from segar.experiments.commands.command_line import parse_settings, run_from_command_line
+from segar.experiments.settings import ConfigError
 
 
 @pytest.fixture
@@ -78,9 +78,9 @@ def test_a_function_without_further_arguments_takes_none(call):
 
 
 def test_help_names_the_command_and_its_options():
-    command = [sys.executable, "-m", "analysis.studies.w2", "--help"]
+    command = [sys.executable, "-m", "segar.analysis.studies.w2", "--help"]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert "usage: python -m analysis.studies.w2" in said and "W2 of n training levels to 100 test levels" in said
+    assert "usage: python -m segar.analysis.studies.w2" in said and "W2 of n training levels to 100 test levels" in said
     assert "--seeds VALUE" in said and "default: 5" in said and "-o VALUE, --output VALUE" in said
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 import yaml
 
-from experiments.commands.config_store import register_settings
-from experiments.commands.hydra_app import (
+from segar.experiments.commands.config_store import register_settings
+from segar.experiments.commands.hydra_app import (
     build_run,
     check_command_line,
     compose,
@@ -17,11 +17,11 @@ from experiments.commands.hydra_app import (
     initialized,
     to_plain,
 )
-from experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
-from experiments.levels.builders import levels_in
-from experiments.reproduction.plan import Speeds, sweep_as_text
-from experiments.runs.run_folder import read_config, run_folders
-from experiments.settings import CHECKOUT, KINDS, ConfigError, as_data, run_config
+from segar.experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
+from segar.experiments.levels.builders import levels_in
+from segar.experiments.reproduction.plan import Speeds, sweep_as_text
+from segar.experiments.runs.run_folder import read_config, run_folders
+from segar.experiments.settings import KINDS, WORKSPACE, ConfigError, as_data, run_config
 from tests.experiments.short_runs import COMMAND, run_module
 
 SWEEP = """
@@ -44,7 +44,7 @@ algorithm:
 CONFIG = """
 from dataclasses import dataclass
 
-from experiments.settings import Count, PPOConfig
+from segar.experiments.settings import Count, PPOConfig
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class MineConfig(PPOConfig):
     layers: Count = 2
 """
 LEARNER = """
-from experiments.algorithms.ppo import PPO
+from segar.experiments.algorithms.ppo import PPO
 
 
 class Mine(PPO):
@@ -94,7 +94,7 @@ def in_folder(module, *arguments):
 @pytest.mark.slow
 def test_a_sweep_file_of_the_users_own_may_choose_an_algorithm_and_sweep_its_settings(my_lab, tmp_path):
     done = in_folder(
-        "experiments.train", "+sweep=my_sweep", *RUN, f"root={tmp_path / 'runs'}", "tracking=none",
+        "segar.experiments.train", "+sweep=my_sweep", *RUN, f"root={tmp_path / 'runs'}", "tracking=none",
         "--config-dir", str(my_lab / "conf"),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -106,7 +106,7 @@ def test_a_sweep_file_of_the_users_own_may_choose_an_algorithm_and_sweep_its_set
 def test_an_algorithm_of_a_package_is_trained_and_its_run_read_again(my_lab, tmp_path):
     small = [part for part in COMMAND if part.startswith("algorithm.")]
     done = in_folder(
-        "experiments.train", "hydra.searchpath=[pkg://my_lab.conf]", *RUN, "algorithm=mine", *small, "algorithm.layers=4",
+        "segar.experiments.train", "hydra.searchpath=[pkg://my_lab.conf]", *RUN, "algorithm=mine", *small, "algorithm.layers=4",
         f"root={tmp_path / 'runs'}", "tracking=none",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -142,15 +142,15 @@ def test_a_grid_may_name_choices_of_a_package(my_lab, tmp_path):
     data = {"title": "Mine", "grid": {**grid, "difficulties": ["easy"]}, "scales": {"smoke": {}}}
     (my_lab / "conf" / "experiment" / "my_grid.yaml").write_text(yaml.safe_dump(data))
     done = in_folder(
-        "experiments.reproduce", "scale=smoke", "hydra.searchpath=[pkg://my_lab.conf]", "+experiment@grids.my_grid=my_grid",
-        "experiments=[my_grid]", "dry_run=true", f"root={tmp_path / 'runs'}",
+        "segar.experiments.reproduce", "scale=smoke", "hydra.searchpath=[pkg://my_lab.conf]",
+        "+experiment@grids.my_grid=my_grid", "experiments=[my_grid]", "dry_run=true", f"root={tmp_path / 'runs'}",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "smoke: 1 run, 0 done, 1 to do" in done.stdout
 
 
 def test_cfg_job_prints_the_settings_that_a_run_would_have():
-    done = in_folder("experiments.train", "algorithm=curl_fast", "levels.count=3", "--cfg", "job")
+    done = in_folder("segar.experiments.train", "algorithm=curl_fast", "levels.count=3", "--cfg", "job")
     assert run_config(yaml.safe_load(done.stdout)) == compose(["algorithm=curl_fast", "levels.count=3"])
 
 
@@ -165,7 +165,10 @@ def test_the_defaults_of_every_kind_of_algorithm_are_a_choice(kind):
     ("target", "says"),
     [
         ("my_lab.mine.MinConfig", "algorithm._target_: 'my_lab.mine' has no 'MinConfig'. Did you mean 'MineConfig'?"),
-        ("my_lab.learner.Mine", "'my_lab.learner.Mine' is not a sub-class of experiments.settings.AlgorithmConfig"),
+        (
+            "my_lab.learner.Mine",
+            "'my_lab.learner.Mine' is not a sub-class of segar.experiments.settings.AlgorithmConfig",
+        ),
         ("my_lab.my.MineConfig", "algorithm._target_: 'my_lab.my:MineConfig' cannot be imported"),
     ],
 )
@@ -211,10 +214,10 @@ def test_a_search_path_is_added_to_the_one_that_is_stated():
     assert added == ["seed=1", "hydra.searchpath=['pkg://a','file:///b c']"]
 
 
-@pytest.mark.parametrize("module", ["experiments.settings", "experiments.commands.hydra_app"])
+@pytest.mark.parametrize("module", ["segar.experiments.settings", "segar.experiments.commands.hydra_app"])
 def test_settings_are_read_without_torch(module):
     code = f"import sys, {module}; assert 'torch' not in sys.modules"
-    assert subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], cwd=WORKSPACE).returncode == 0
 
 
 def test_own_objects_are_named_where_groups_are_chosen():
@@ -237,7 +240,7 @@ def test_own_objects_are_named_where_groups_are_chosen():
     ],
 )
 def test_an_own_object_that_does_not_exist_ends_the_command_before_a_run_begins(tmp_path, override, says):
-    done = run_module("experiments.train", override, f"root={tmp_path / 'runs'}", cwd=tmp_path)
+    done = run_module("segar.experiments.train", override, f"root={tmp_path / 'runs'}", cwd=tmp_path)
     assert done.returncode == 1
     assert f"error: {says}" in done.stderr
     assert not (tmp_path / "runs").exists()

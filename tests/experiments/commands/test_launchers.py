@@ -9,22 +9,22 @@ from pathlib import Path
 
 import pytest
 
-from experiments.algorithms.checkpoint import read_checkpoint
-from experiments.commands.hydra_app import compose
-from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, read_summary, run_folders
-from experiments.settings import CHECKOUT, RunConfig, TrackingConfig
-from experiments.tracking.mlflow_store import open_store
+from segar.experiments.algorithms.checkpoint import read_checkpoint
+from segar.experiments.commands.hydra_app import compose
+from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, read_summary, run_folders
+from segar.experiments.settings import WORKSPACE, RunConfig, TrackingConfig
+from segar.experiments.tracking.mlflow_store import open_store
 from tests.experiments.short_runs import COMMAND, run_module, same_results
 from tests.experiments.tracking.mlflow_server import has_each_figure_once
 from tests.waiting import PATIENCE, until
 
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
 
 
 def sweep(cwd, *arguments, **more):
-    """What ``python -m experiments.train --multirun`` does with four tiny runs, called from ``cwd``."""
-    return run_module("experiments.train", "--multirun", *COMMAND, "tracking=none", *arguments, cwd=cwd, **more)
+    """What ``segar train --multirun`` does with four tiny runs, called from ``cwd``."""
+    return run_module("segar.experiments.train", "--multirun", *COMMAND, "tracking=none", *arguments, cwd=cwd, **more)
 
 
 def seeds(root):
@@ -57,7 +57,7 @@ def test_runs_side_by_side_and_the_same_sweep_again_trains_nothing(tmp_path):
 def test_submitit_runs_a_sweep_and_puts_a_run_back_into_its_queue_when_time_is_up(tmp_path):
     """The local executor does what Slurm does: a signal before the end of a job, which then begins again."""
     asked = ("seed=1", "hydra/launcher=submitit_local", f"root={tmp_path / 'runs'}", "scale.frames=10_000_000")
-    command = [sys.executable, "-m", "experiments.train", "--multirun", *COMMAND, "tracking=none", *asked]
+    command = [sys.executable, "-m", "segar.experiments.train", "--multirun", *COMMAND, "tracking=none", *asked]
     process = subprocess.Popen(command, cwd=tmp_path, env=ENVIRONMENT, start_new_session=True)
     try:
         folder = until(lambda: next(iter(run_folders(tmp_path / "runs")), None))
@@ -89,7 +89,7 @@ def test_slurm_is_asked_for_an_array_with_a_warning_before_the_end(tmp_path):
         (tmp_path / "bin" / name).chmod(0o755)
     path = f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"
     arguments = ("seed=1,2", "hydra/launcher=slurm", "hydra.launcher.partition=cpu", f"root={tmp_path / 'runs'}")
-    command = [sys.executable, "-m", "experiments.train", "--multirun", *COMMAND, "tracking=none", *arguments]
+    command = [sys.executable, "-m", "segar.experiments.train", "--multirun", *COMMAND, "tracking=none", *arguments]
     process = subprocess.Popen(command, cwd=tmp_path, env=ENVIRONMENT | {"PATH": path}, start_new_session=True)
     try:
         until(lambda: (tmp_path / "submitted.sh").exists())
@@ -166,7 +166,7 @@ def test_a_sweep_on_two_machines_outlives_a_worker_and_a_machine_and_ends_as_on_
     nodes, address, environment = ray_cluster
     head, second = (process for process in nodes.children() if process.name() == "raylet")
     cluster = ("hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}", f"root={there}")
-    command = [sys.executable, "-m", "experiments.train", "--multirun", *COMMAND, *asked, *cluster]
+    command = [sys.executable, "-m", "segar.experiments.train", "--multirun", *COMMAND, *asked, *cluster]
     with subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True) as process:
         try:
             worker = until(lambda: in_training(there, head))

@@ -4,10 +4,10 @@ from importlib.metadata import entry_points
 
 import pytest
 
-from experiments.commands.config_store import conf_dir
-from experiments.commands.plugin import REPORTS, STUDIES, SUMMARIES, call_plugin, find_plugin, run_plugin
-from experiments.reproduce import experiment_files
-from experiments.settings import ConfigError
+from segar.experiments.commands.config_store import conf_dir
+from segar.experiments.commands.plugin import REPORTS, STUDIES, SUMMARIES, call_plugin, find_plugin, run_plugin
+from segar.experiments.reproduce import experiment_files
+from segar.experiments.settings import ConfigError
 
 MODULE = """
 import os

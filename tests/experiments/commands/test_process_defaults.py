@@ -5,13 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-import experiments
+from tests.places import ROOT
 
 NO_RUNS = ("__init__",)
-COMMANDS = sorted({path.stem for path in Path(experiments.__file__).parent.glob("*.py")} - {*NO_RUNS})
+COMMANDS = sorted({path.stem for path in (ROOT / "experiments").glob("*.py")} - {*NO_RUNS})
 SCRIPT = """
 import json, resource
-from experiments.commands.process_defaults import set_process_defaults
+from segar.experiments.commands.process_defaults import set_process_defaults
 set_process_defaults(2)
 import torch
 def faults():
@@ -33,7 +33,7 @@ def test_a_process_keeps_its_memory_and_has_the_threads_that_were_asked_for():
 
 
 def test_threads_of_openmp_sleep_unless_the_user_says_otherwise():
-    ask = "import os; import experiments.commands.process_defaults; print(os.environ['OMP_WAIT_POLICY'])"
+    ask = "import os; import segar.experiments.commands.process_defaults; print(os.environ['OMP_WAIT_POLICY'])"
 
     def policy(**environment):
         done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True, env=environment)
@@ -59,7 +59,7 @@ def test_every_command_sets_them_before_torch_is_imported():
 def test_what_one_run_leaves_behind_is_found_before_the_next():
     """Objects that are loaded are passed over by later searches; those of a run are not, however many runs there are."""
     script = (
-        "import gc, weakref; from experiments.commands.process_defaults import set_process_defaults\n"
+        "import gc, weakref; from segar.experiments.commands.process_defaults import set_process_defaults\n"
         "class Ring: pass\n"
         "set_process_defaults(); ring = Ring(); ring.itself = ring; left = weakref.ref(ring); del ring\n"
         "set_process_defaults(); gc.collect(); print(left())"

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from experiments.runs.run_folder import read_config, read_summary, run_folders
-from experiments.settings import CHECKOUT
+from segar.experiments.runs.run_folder import read_config, read_summary, run_folders
+from segar.experiments.settings import WORKSPACE
 from tests.experiments.runs.test_run_folder import FILES
 from tests.experiments.short_runs import run_module
 
@@ -32,7 +32,7 @@ def elsewhere(tmp_path):
 
 
 def test_a_run_from_another_working_directory_leaves_its_folder_and_nothing_else(tmp_path, elsewhere):
-    done = run_module("experiments.train", *TINY, "seed=3", f"root={tmp_path / 'runs'}", cwd=elsewhere)
+    done = run_module("segar.experiments.train", *TINY, "seed=3", f"root={tmp_path / 'runs'}", cwd=elsewhere)
     assert done.returncode == 0, done.stderr
     (folder,) = (path for path in (tmp_path / "runs").iterdir() if path.name.startswith("empty-easy"))
     assert {path.name for path in folder.iterdir()} == FILES | {"tracking.json"}
@@ -46,7 +46,7 @@ def test_a_run_from_another_working_directory_leaves_its_folder_and_nothing_else
 @pytest.mark.slow
 def test_a_sweep_with_wrong_runs_finishes_the_others_and_names_all(tmp_path, elsewhere):
     done = run_module(
-        "experiments.train",
+        "segar.experiments.train",
         "--multirun",
         *TINY,
         "levels.count=0,-1,1",
@@ -76,7 +76,7 @@ def test_a_command_that_nobody_reads_any_more_ends_quietly_as_a_shell_has_it(tmp
     reader, writer = os.pipe()
     os.close(reader)
     given = [*arguments, f"root={tmp_path / 'runs'}"] if "--help" not in arguments else arguments
-    done = subprocess.run([sys.executable, "-m", f"experiments.{module}", *given], cwd=CHECKOUT, stdout=writer,
+    done = subprocess.run([sys.executable, "-m", f"experiments.{module}", *given], cwd=WORKSPACE, stdout=writer,
                           stderr=subprocess.PIPE, text=True)  # fmt: skip
     os.close(writer)
     assert (done.returncode, done.stderr) == (141, "")

@@ -5,15 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from experiments.curricula.accel import ACCEL
-from experiments.curricula.explorer import Explorer
-from experiments.curricula.level_rows import MADE, LevelRows
-from experiments.curricula.scored_rows import ScoredRows
-from experiments.curricula.training_levels import TrainingLevels
-from experiments.levels.builders import Prepared
-from experiments.levels.endless import stream_of
-from experiments.runs.run_folder import read_metrics, read_played
-from experiments.settings import (
+from segar.envs import VectorEnv
+from segar.experiments.curricula.accel import ACCEL
+from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.level_rows import MADE, LevelRows
+from segar.experiments.curricula.scored_rows import ScoredRows
+from segar.experiments.curricula.training_levels import TrainingLevels
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.levels.endless import stream_of
+from segar.experiments.runs.run_folder import read_metrics, read_played
+from segar.experiments.settings import (
     ACCELConfig,
     ConfigError,
     CURLConfig,
@@ -32,9 +33,8 @@ from experiments.settings import (
     UniformConfig,
     run_config,
 )
-from experiments.settings.run import as_data
-from experiments.training.run import run
-from segar.envs import VectorEnv
+from segar.experiments.settings.run import as_data
+from segar.experiments.training.run import run
 from segar.levels import check_levels, near_levels
 from segar.suites import suite
 from tests.experiments.short_runs import FRAMES, ITERATIONS, Killed, killed_after, same_results, short_run
@@ -178,7 +178,7 @@ def test_plr_plays_rare_hard_levels_more_than_uniform_does_and_the_log_shows_it(
     def planted(name, ended, levels, known, explorer):
         return np.array([float(row in hard) for row in ended.row])
 
-    monkeypatch.setattr("experiments.curricula.plr.scores_of", planted)
+    monkeypatch.setattr("segar.experiments.curricula.plr.scores_of", planted)
     levels = LevelsConfig(train="empty-easy", count=40, test_count=3)
     for curriculum in (UniformConfig(log_interval=FRAMES), PLRConfig(log_interval=FRAMES, staleness=0.1)):
         folder = tmp_path / curriculum.name

@@ -4,8 +4,8 @@ import hashlib
 import json
 import sys
 
-from experiments.evaluation.evaluator import evaluate
-from experiments.settings import EvaluateConfig
+from segar.experiments.evaluation.evaluator import evaluate
+from segar.experiments.settings import EvaluateConfig
 
 
 def main() -> None:

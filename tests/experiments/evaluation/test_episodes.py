@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from experiments.evaluation.episodes import (
+from segar import GolfBall, Gravity, Levels, family
+from segar.envs import VectorEnv
+from segar.evaluation import episodes
+from segar.experiments.evaluation.episodes import (
     distance_figures,
     diversity_figures,
     evaluate_run,
@@ -12,11 +15,8 @@ from experiments.evaluation.episodes import (
     play_episodes,
     unseen_by_distances,
 )
-from experiments.levels.builders import Prepared
-from experiments.settings import EvaluationConfig, RunConfig
-from segar import GolfBall, Gravity, Levels, family
-from segar.envs import VectorEnv
-from segar.evaluation import episodes
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.settings import EvaluationConfig, RunConfig
 from segar.language import Visible
 from segar.metrics import ks, w2
 

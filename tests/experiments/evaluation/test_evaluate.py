@@ -11,12 +11,14 @@ import pyarrow.parquet as pq
 import pytest
 
 import segar
-from experiments.algorithms.checkpoint import read_checkpoint
-from experiments.commands.command_line import run_from_command_line
-from experiments.evaluation.evaluator import as_played, choose_levels, evaluate, label, mean_returns
-from experiments.runs.run_folder import CHECKPOINT, read_episodes, read_summary
-from experiments.runs.run_rows import run_rows, score_warnings
-from experiments.settings import (
+from segar.datasets import check_replay, recipe_of, record
+from segar.evaluation import Baselines, find_baselines
+from segar.experiments.algorithms.checkpoint import read_checkpoint
+from segar.experiments.commands.command_line import run_from_command_line
+from segar.experiments.evaluation.evaluator import as_played, choose_levels, evaluate, label, mean_returns
+from segar.experiments.runs.run_folder import CHECKPOINT, read_episodes, read_summary
+from segar.experiments.runs.run_rows import run_rows, score_warnings
+from segar.experiments.settings import (
     CheckpointError,
     ConfigError,
     EvaluateConfig,
@@ -24,9 +26,7 @@ from experiments.settings import (
     ObservationConfig,
     RunFolderError,
 )
-from experiments.training.run import run
-from segar.datasets import check_replay, recipe_of, record
-from segar.evaluation import Baselines, find_baselines
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import killed_after, short_run
 
 QUICK = {"scores": False, "videos": "none"}
@@ -151,7 +151,7 @@ def test_a_score_above_1_is_told_with_the_levels_and_the_settings_of_a_larger_se
         return Baselines(random=low, idle=low, oracle=low + 1)
 
     asked, said = [], []
-    monkeypatch.setattr("experiments.evaluation.evaluator.find_baselines", too_small)
+    monkeypatch.setattr("segar.experiments.evaluation.evaluator.find_baselines", too_small)
     config = EvaluateConfig(str(trained), videos="none", planner_samples=16, planner_iterations=3)
     found = evaluate(config, said.append)
     assert asked == [(16, 3)]

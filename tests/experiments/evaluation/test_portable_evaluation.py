@@ -10,14 +10,15 @@ import pyarrow.parquet as pq
 import pytest
 
 import segar
-from experiments.algorithms.portable import PortableAgent
-from experiments.commands.kernels import LIMITS
-from experiments.evaluation.episodes import play_episodes
-from experiments.evaluation.evaluator import evaluate
-from experiments.levels.builders import environment_options
-from experiments.runs.run_folder import read_config
-from experiments.settings import (
-    CHECKOUT,
+from segar.evaluation import evaluate_policy
+from segar.experiments.algorithms.portable import PortableAgent
+from segar.experiments.commands.kernels import LIMITS
+from segar.experiments.evaluation.episodes import play_episodes
+from segar.experiments.evaluation.evaluator import evaluate
+from segar.experiments.levels.builders import environment_options
+from segar.experiments.runs.run_folder import read_config
+from segar.experiments.settings import (
+    WORKSPACE,
     ConfigError,
     DrQConfig,
     EvaluateConfig,
@@ -28,8 +29,7 @@ from experiments.settings import (
     SACConfig,
     ScaleConfig,
 )
-from experiments.training.run import run
-from segar.evaluation import evaluate_policy
+from segar.experiments.training.run import run
 from segar.policies import Network, NetworkPolicy
 from tests.experiments.short_runs import short_run
 
@@ -108,7 +108,7 @@ def hashes(trained, name, folder, **limits):
     environment = {key: value for key, value in os.environ.items() if key not in LIMITS}
     environment |= {
         **limits,
-        "PYTHONPATH": str(CHECKOUT),
+        "PYTHONPATH": str(WORKSPACE),
         "SEGAR_CACHE_DIR": str(folder),
     }
     command = [
@@ -118,7 +118,7 @@ def hashes(trained, name, folder, **limits):
         name,
         *map(str, trained.values()),
     ]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=CHECKOUT)
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=WORKSPACE)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -10,24 +10,24 @@ import pytest
 import torch
 import yaml
 
-from analysis.probes.pairs import Column, Pairs
-from analysis.probes.table import probe_pairs, probe_run
-from experiments.commands import plugin
-from experiments.commands.config_store import conf_dir
-from experiments.evaluation import probing
-from experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished
-from experiments.evaluation.transfers import RunTask
-from experiments.reproduce import ReproduceConfig, carry_out
-from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.plan import as_text, make_plan, measure_speeds
-from experiments.runs.executed_code import fingerprint
-from experiments.runs.run_folder import PROBES, folder_path, read_metrics
-from experiments.settings import ConfigError, RunFolderError, TrackingConfig, TrackingError, construct
-from experiments.tracking.mlflow_store import open_store
-from experiments.tracking.mlflow_sync import RunSync
-from experiments.training.run import run
-from experiments.upload import upload_run
+from segar.analysis.probes.pairs import Column, Pairs
+from segar.analysis.probes.table import probe_pairs, probe_run
 from segar.errors import SegarError
+from segar.experiments.commands import plugin
+from segar.experiments.commands.config_store import conf_dir
+from segar.experiments.evaluation import probing
+from segar.experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished
+from segar.experiments.evaluation.transfers import RunTask
+from segar.experiments.reproduce import ReproduceConfig, carry_out
+from segar.experiments.reproduction.experiment_file import experiment_at
+from segar.experiments.reproduction.plan import as_text, make_plan, measure_speeds
+from segar.experiments.runs.executed_code import fingerprint
+from segar.experiments.runs.run_folder import PROBES, folder_path, read_metrics
+from segar.experiments.settings import ConfigError, RunFolderError, TrackingConfig, TrackingError, construct
+from segar.experiments.tracking.mlflow_store import open_store
+from segar.experiments.tracking.mlflow_sync import RunSync
+from segar.experiments.training.run import run
+from segar.experiments.upload import upload_run
 from tests.experiments.short_runs import short_run
 from tests.synthetic_runs import settings, write_run
 
@@ -147,10 +147,10 @@ def test_a_failure_names_the_run_the_cause_and_what_to_do(finished, monkeypatch)
 
 
 def test_the_fingerprint_of_probes_is_that_of_the_plug_ins_module(monkeypatch):
-    table = EntryPoint("default", "analysis.probes.table:probe_run", "segar.probes")
+    table = EntryPoint("default", "segar.analysis.probes.table:probe_run", "segar.probes")
     monkeypatch.setattr(plugin, "entry_points", lambda **of: EntryPoints([table]).select(**of))
     probing.find_probes.cache_clear()
-    assert probing.code_of_probes() == fingerprint("analysis.probes.table")
+    assert probing.code_of_probes() == fingerprint("segar.analysis.probes.table")
     assert probing.find_probes().load() is probe_run
 
 
@@ -172,7 +172,7 @@ def test_mlflow_gets_the_figures_later_if_it_was_away_and_anew_if_they_change(tm
     with monkeypatch.context() as patched:
         patched.setattr(RunSync, "send", lambda *_: (_ for _ in ()).throw(TrackingError("MLflow refuses: it is away")))
         probe_finished(config, ASKED, said.append)
-    assert f"python -m experiments.upload run={folder}" in said[1] and is_probed(config, ASKED)
+    assert f"segar upload run={folder}" in said[1] and is_probed(config, ASKED)
     assert upload_run(folder).startswith("sent 4 figures")
     client, experiment = open_store(config.tracking, tmp_path)
 

@@ -8,16 +8,16 @@ import sys
 
 import pytest
 
-from experiments.evaluation.transfer_evaluation import evaluate_transfer
-from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
-from experiments.levels.builders import distribution_of
-from experiments.reproduce import carry_out
-from experiments.runs.run_folder import CHECKPOINT, folder_path, read_summary
-from experiments.settings import ObservationConfig, PPOConfig
-from experiments.training.run import run
 from segar import World
 from segar.envs import world_of
 from segar.errors import LevelError
+from segar.experiments.evaluation.transfer_evaluation import evaluate_transfer
+from segar.experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
+from segar.experiments.levels.builders import distribution_of
+from segar.experiments.reproduce import carry_out
+from segar.experiments.runs.run_folder import CHECKPOINT, folder_path, read_summary
+from segar.experiments.settings import ObservationConfig, PPOConfig
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
 STATE = ObservationConfig("state")

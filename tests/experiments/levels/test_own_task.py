@@ -6,15 +6,22 @@ import sys
 import pytest
 
 import segar
-from experiments.commands.hydra_app import compose
-from experiments.evaluation.evaluator import evaluate, find_levels
-from experiments.levels.builders import Prepared, distribution_of, environment_options, task_name
-from experiments.reproduction.checks import check_objects
-from experiments.runs.executed_code import executed_code
-from experiments.runs.run_folder import read_config, read_summary
-from experiments.settings import ConfigError, EvaluateConfig, LevelsConfig, ObservationConfig, RunConfig, TaskConfig
-from experiments.settings.grid import GridPoint, config_at
-from experiments.training.run import run
+from segar.experiments.commands.hydra_app import compose
+from segar.experiments.evaluation.evaluator import evaluate, find_levels
+from segar.experiments.levels.builders import Prepared, distribution_of, environment_options, task_name
+from segar.experiments.reproduction.checks import check_objects
+from segar.experiments.runs.executed_code import executed_code
+from segar.experiments.runs.run_folder import read_config, read_summary
+from segar.experiments.settings import (
+    ConfigError,
+    EvaluateConfig,
+    LevelsConfig,
+    ObservationConfig,
+    RunConfig,
+    TaskConfig,
+)
+from segar.experiments.settings.grid import GridPoint, config_at
+from segar.experiments.training.run import run
 from segar.levels.named_families import TASK_LEVELS
 from tests.experiments.short_runs import short_run
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from experiments.levels import rule_sets
-from experiments.levels.builders import make_levels
-from experiments.levels.rule_sets import situations_of
-from experiments.settings import ConfigError, LevelsConfig
 from segar.errors import LevelError
+from segar.experiments.levels import rule_sets
+from segar.experiments.levels.builders import make_levels
+from segar.experiments.levels.rule_sets import situations_of
+from segar.experiments.settings import ConfigError, LevelsConfig
 from segar.levels import share_rule_sets, shared_rule_sets
 from segar.metrics import rule_set_distances
 from segar.support import emd

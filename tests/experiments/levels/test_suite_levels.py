@@ -6,11 +6,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from experiments.commands.config_store import register_settings
-from experiments.commands.hydra_app import compose
-from experiments.levels.builders import environment_options, make_levels, task_name
-from experiments.settings import ConfigError, LevelsConfig, ObservationConfig, RunConfig, TaskConfig
 from segar.envs import VectorEnv
+from segar.experiments.commands.config_store import register_settings
+from segar.experiments.commands.hydra_app import compose
+from segar.experiments.levels.builders import environment_options, make_levels, task_name
+from segar.experiments.settings import ConfigError, LevelsConfig, ObservationConfig, RunConfig, TaskConfig
 from segar.language import Mass
 from segar.levels import hash_of_levels
 from segar.observations import TexturedPixels

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import segar
-from experiments.levels.builders import distribution_of, make_levels
-from experiments.levels.conditions import Contender, conditional_puttputt
-from experiments.levels.variations import VARIATIONS, vary
-from experiments.settings import ConfigError, LevelsConfig
 from segar import GoalTile, Gravity, Mass, Position, SandTile
+from segar.experiments.levels.builders import distribution_of, make_levels
+from segar.experiments.levels.conditions import Contender, conditional_puttputt
+from segar.experiments.levels.variations import VARIATIONS, vary
+from segar.experiments.settings import ConfigError, LevelsConfig
 from segar.language import FloorFriction, Order
 from segar.metrics import w2
 from segar.rules import apply_friction, lorentz_law

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from experiments.networks.augmentations import (
+from segar.experiments.networks.augmentations import (
     LUMA,
     greyscale,
     random_colour_jitter,

@@ -6,13 +6,13 @@ import pytest
 import torch
 from torch import nn
 
-from experiments.algorithms.ppo import PPOPolicy
-from experiments.networks import encoders
-from experiments.networks.encoders import MLP, FrameEncoder, initialize, make_encoder, successive
-from experiments.networks.keypoints import SoftArgmax, squares_by_torch
-from experiments.networks.shared_frames import are_stacks_by_torch
-from experiments.settings import ConfigError, PPOConfig
-from experiments.settings.algorithms import CNNS
+from segar.experiments.algorithms.ppo import PPOPolicy
+from segar.experiments.networks import encoders
+from segar.experiments.networks.encoders import MLP, FrameEncoder, initialize, make_encoder, successive
+from segar.experiments.networks.keypoints import SoftArgmax, squares_by_torch
+from segar.experiments.networks.shared_frames import are_stacks_by_torch
+from segar.experiments.settings import ConfigError, PPOConfig
+from segar.experiments.settings.algorithms import CNNS
 
 NETWORKS = [name for name in CNNS if name != "cnn_2022"]  # of these all representations have 256 numbers
 FRAMES = torch.randint(0, 256, (6, 64, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))

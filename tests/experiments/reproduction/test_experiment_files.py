@@ -5,13 +5,13 @@ import copy
 import pytest
 import yaml
 
-from experiments.commands.config_store import conf_dir, register_settings
-from experiments.commands.hydra_app import compose, compose_data, initialized
-from experiments.reproduce import SETTINGS, ReproduceConfig, build, experiment_files, help_text
-from experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
-from experiments.reproduction.grid import grid_runs
-from experiments.reproduction.plan import make_plan
-from experiments.settings import CHECKOUT, ConfigError, ObservationConfig, RunConfig
+from segar.experiments.commands.config_store import conf_dir, register_settings
+from segar.experiments.commands.hydra_app import compose, compose_data, initialized
+from segar.experiments.reproduce import SETTINGS, ReproduceConfig, build, experiment_files, help_text
+from segar.experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
+from segar.experiments.reproduction.grid import grid_runs
+from segar.experiments.reproduction.plan import make_plan
+from segar.experiments.settings import WORKSPACE, ConfigError, ObservationConfig, RunConfig
 
 GOOD = {
     "title": "A grid",
@@ -124,7 +124,7 @@ def test_self_supervision_is_held_against_as_many_gradient_steps(scale):
 
 @pytest.mark.slow
 def test_the_guide_says_how_many_runs_each_scale_has():
-    guide = (CHECKOUT / "docs" / "how-to" / "reproduce-the-paper.md").read_text()
+    guide = (WORKSPACE / "docs" / "how-to" / "reproduce-the-paper.md").read_text()
     register_settings("reproduce", SETTINGS)
     for scale in SCALES:
         with initialized():

@@ -6,12 +6,12 @@ import socket
 
 import pytest
 
-from experiments.levels.builders import Prepared
-from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds
-from experiments.runs.executed_code import executed_code
-from experiments.runs.run_folder import CHECKPOINT, JOURNAL, SUMMARY, folder_path, write_json
-from experiments.settings import ConfigError, ScaleConfig
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.reproduction.experiment_file import experiment_at
+from segar.experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds
+from segar.experiments.runs.executed_code import executed_code
+from segar.experiments.runs.run_folder import CHECKPOINT, JOURNAL, SUMMARY, folder_path, write_json
+from segar.experiments.settings import ConfigError, ScaleConfig
 from tests.synthetic_runs import settings, write_run
 
 SCALE = ScaleConfig(name="quick", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))

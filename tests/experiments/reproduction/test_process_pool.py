@@ -8,7 +8,7 @@ import time
 
 import psutil
 
-from experiments.reproduction.process_pool import Job, run_jobs
+from segar.experiments.reproduction.process_pool import Job, run_jobs
 from tests.places import ROOT
 from tests.waiting import until
 
@@ -43,7 +43,7 @@ MAIN = """
 import numpy as np  # loads its library in every process of the pool, before the pool can say how many threads it has
 from pathlib import Path
 from threadpoolctl import threadpool_info
-from experiments.reproduction.process_pool import Job, run_jobs
+from segar.experiments.reproduction.process_pool import Job, run_jobs
 
 def count_threads(_):
     return [pool["num_threads"] for pool in threadpool_info()]
@@ -87,7 +87,7 @@ def test_a_process_that_dies_costs_its_own_job_only(tmp_path):
 def test_killing_the_owner_ends_its_processes(tmp_path):
     code = (
         "import time\n"
-        "from experiments.reproduction.process_pool import Job, run_jobs\n"
+        "from segar.experiments.reproduction.process_pool import Job, run_jobs\n"
         "from pathlib import Path\n"
         "if __name__ == '__main__':\n"
         f"    run_jobs([Job(str(i), 600, Path({str(tmp_path)!r}) / str(i)) for i in range(2)], time.sleep, 2)\n"
@@ -106,7 +106,7 @@ def test_killing_the_owner_ends_its_processes(tmp_path):
 def test_a_process_that_hears_no_signal_ends_with_its_owner_as_well():
     program = (
         "import multiprocessing, signal, time\n"
-        "from experiments.reproduction import process_pool\n"
+        "from segar.experiments.reproduction import process_pool\n"
         "process_pool.LAST_WORDS = 0.1\n"
         "reader, writer = multiprocessing.Pipe(duplex=False)\n"
         "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"

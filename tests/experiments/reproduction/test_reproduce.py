@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from experiments.commands.command_line import parse_settings
-from experiments.commands.hydra_app import compose
-from experiments.commands.plugin import REPORTS, STUDIES
-from experiments.reproduce import ReproduceConfig, dashboard, reproduce
-from experiments.reproduction.plan import StudyTask
-from experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read_versions, write_json
-from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point
+from segar.experiments.commands.command_line import parse_settings
+from segar.experiments.commands.hydra_app import compose
+from segar.experiments.commands.plugin import REPORTS, STUDIES
+from segar.experiments.reproduce import ReproduceConfig, dashboard, reproduce
+from segar.experiments.reproduction.plan import StudyTask
+from segar.experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read_versions, write_json
+from segar.experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point
 from tests.experiments.settings.test_grid import cells_of
 from tests.experiments.short_runs import run_module
 from tests.places import ROOT
@@ -138,7 +138,9 @@ def test_a_failing_run_stops_no_other_and_is_named_with_its_log(tmp_path, capfd)
 
 @pytest.mark.usefixtures("one_process")
 def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, capfd, register):
-    register(REPORTS, tables="analysis.collect:collect_tables", report="analysis.report.make:report_results")
+    register(
+        REPORTS, tables="segar.analysis.collect:collect_tables", report="segar.analysis.report.make:report_results"
+    )
     config = asked(tmp_path)
     with pytest.raises(TrainingError, match="1 of 4 failed"):
         reproduce(config, train_but_for_one)
@@ -155,7 +157,7 @@ def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, cap
         "claims.csv",
     ):
         assert (config.folder / name).exists()
-    assert f"experiments.dashboard root={tmp_path}" in said
+    assert f"segar.experiments.dashboard root={tmp_path}" in said
 
 
 @pytest.mark.parametrize(
@@ -262,7 +264,7 @@ def test_a_scale_chooses_the_protocol_and_the_command_line_has_the_last_word(
 def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
     asked = ("scale=smoke", "experiments=[fixed_n]", "dry_run=true")
     without, added = (
-        run_module("experiments.reproduce", *asked, f"{plus}grids.fixed_n.grid.seeds=3") for plus in ("", "++")
+        run_module("segar.experiments.reproduce", *asked, f"{plus}grids.fixed_n.grid.seeds=3") for plus in ("", "++")
     )
     assert "++grids.fixed_n.grid.seeds=..." in without.stderr and without.returncode == 1
     assert "smoke: 6 runs" in added.stdout and added.returncode == 0
@@ -272,6 +274,6 @@ def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
 def test_runs_that_are_shipped_are_found_by_their_names_today(tmp_path):
     """Whoever adds a setting says so with ``later``; else whatever anybody has trained is trained again."""
     asked = ("scale=quick", "imported=[docs/results/quick]", "dry_run=true", f"root={tmp_path}")
-    done = run_module("experiments.reproduce", *asked)
+    done = run_module("segar.experiments.reproduce", *asked)
     assert done.returncode == 0, done.stderr
     assert "quick: 51 runs, 51 done, 0 to do" in done.stdout

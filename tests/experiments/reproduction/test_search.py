@@ -6,9 +6,18 @@ import hydra
 import pytest
 from optuna.trial import TrialState
 
-from experiments.commands.config_store import conf_dir, register_settings
-from experiments.search import SETTINGS, Search, SearchConfig, build, distributions, example_of, search, with_values
-from experiments.settings import ConfigError, PPOConfig, RunConfig, TrainingError
+from segar.experiments.commands.config_store import conf_dir, register_settings
+from segar.experiments.search import (
+    SETTINGS,
+    Search,
+    SearchConfig,
+    build,
+    distributions,
+    example_of,
+    search,
+    with_values,
+)
+from segar.experiments.settings import ConfigError, PPOConfig, RunConfig, TrainingError
 from tests.experiments.conftest import working_here
 
 SPACE = {
@@ -79,7 +88,7 @@ def test_a_finished_search_prints_the_best_and_the_command_that_trains_with_it(s
     assert "0 of 6 trials to do" in said
     best = study.best_trial.params["algorithm.learning_rate"]
     command = said.splitlines()[-1]
-    assert "python -m experiments.train levels=empty-hard observation=state algorithm=ppo " in command
+    assert "segar train levels=empty-hard observation=state algorithm=ppo " in command
     assert f"algorithm.learning_rate={best:.4g}" in command and "algorithm.widths=[" in command
 
 

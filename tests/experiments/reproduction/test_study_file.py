@@ -10,18 +10,18 @@ import jsonschema
 import pytest
 import yaml
 
-import experiments.study
 import segar
-from experiments.commands.hydra_app import compose
-from experiments.levels.builders import make_levels
-from experiments.reproduce import experiment_files
-from experiments.reproduction.checks import check_objects
-from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.grid import grid_runs
-from experiments.reproduction.plan import as_text, make_plan, measure_speeds
-from experiments.reproduction.study_file import fields_text, read_study, schema
-from experiments.settings import ConfigError, RunConfig
-from experiments.study import study_of
+import segar.experiments.study
+from segar.experiments.commands.hydra_app import compose
+from segar.experiments.levels.builders import make_levels
+from segar.experiments.reproduce import experiment_files
+from segar.experiments.reproduction.checks import check_objects
+from segar.experiments.reproduction.experiment_file import experiment_at
+from segar.experiments.reproduction.grid import grid_runs
+from segar.experiments.reproduction.plan import as_text, make_plan, measure_speeds
+from segar.experiments.reproduction.study_file import fields_text, read_study, schema
+from segar.experiments.settings import ConfigError, RunConfig
+from segar.experiments.study import study_of
 from tests.experiments.short_runs import run_module
 
 GOOD = {
@@ -78,7 +78,7 @@ def changed(place, value):
 
 
 def test_the_example_of_the_help_fits_the_schema_and_so_do_all_experiments():
-    example = re.search(r"::\n\n(    title.*?)\n\nThe command", experiments.study.__doc__, re.DOTALL)[1]
+    example = re.search(r"::\n\n(    title.*?)\n\nThe command", segar.experiments.study.__doc__, re.DOTALL)[1]
     jsonschema.validate(yaml.safe_load(example), schema())
     for data in experiment_files().values():
         jsonschema.validate(data, schema())
@@ -87,7 +87,7 @@ def test_the_example_of_the_help_fits_the_schema_and_so_do_all_experiments():
 @pytest.mark.slow
 def test_the_schema_is_one_and_the_command_prints_it():
     jsonschema.Draft202012Validator.check_schema(schema())
-    assert json.loads(run_module("experiments.study", "--schema").stdout) == schema()
+    assert json.loads(run_module("segar.experiments.study", "--schema").stdout) == schema()
 
 
 def test_every_key_is_explained_in_the_help_and_the_schema():

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.runs.own_files import file_digest
-from experiments.settings import CHECKOUT
+from segar.experiments.runs.own_files import file_digest
+from segar.experiments.settings import WORKSPACE
 from tests.experiments.short_runs import run_module
 from tests.waiting import until
 
@@ -58,7 +58,7 @@ UNRELATED = {
 
 
 def train(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
-    return run_module("experiments.train", "--config-dir", "conf", *SETTINGS, *more, cwd=folder)
+    return run_module("segar.experiments.train", "--config-dir", "conf", *SETTINGS, *more, cwd=folder)
 
 
 def edit(folder: Path, file: str, old: str, new: str) -> None:
@@ -115,12 +115,12 @@ def test_an_interrupted_run_does_not_go_on_with_other_data(study, data):
 def test_an_evaluation_says_which_data_are_others_and_what_it_replaces(study):
     run = next((study / "runs").glob("*/summary.json")).parent
     asked = (f"run={run}", "levels=test", "scores=false", "videos=none")
-    assert "other code" not in run_module("experiments.evaluate", *asked, cwd=study).stdout
+    assert "other code" not in run_module("segar.experiments.evaluate", *asked, cwd=study).stdout
     edit(study, "windlab/weight.json", "3.0", "4.0")
-    told = run_module("experiments.evaluate", *asked, cwd=study).stdout
+    told = run_module("segar.experiments.evaluate", *asked, cwd=study).stdout
     assert "note: the run was made by other code; changed since: windlab/weight.json" in told
     assert "note: an evaluation by other code lay there, and is replaced; changed since: windlab/weight.json" in told
-    assert "is replaced" not in run_module("experiments.evaluate", *asked, cwd=study).stdout
+    assert "is replaced" not in run_module("segar.experiments.evaluate", *asked, cwd=study).stdout
 
 
 def test_another_setting_is_another_run(study):
@@ -132,8 +132,19 @@ def test_another_setting_is_another_run(study):
 @pytest.mark.parametrize("moment", ["*/journal.jsonl", "*/summary.json"])
 def test_an_edit_during_a_multirun_is_never_recorded_as_what_was_executed(tmp_path, moment):
     folder = shutil.copytree(STUDY, tmp_path / "wind")
-    command = [sys.executable, "-m", "experiments.train", "--config-dir", "conf", "--multirun", *SETTINGS, "seed=1,2"]
-    process = subprocess.Popen(command, cwd=folder, env={**os.environ, "PYTHONPATH": f"{CHECKOUT}{os.pathsep}{folder}"})
+    command = [
+        sys.executable,
+        "-m",
+        "segar.experiments.train",
+        "--config-dir",
+        "conf",
+        "--multirun",
+        *SETTINGS,
+        "seed=1,2",
+    ]
+    process = subprocess.Popen(
+        command, cwd=folder, env={**os.environ, "PYTHONPATH": f"{WORKSPACE}{os.pathsep}{folder}"}
+    )
     until(lambda: any((folder / "runs").glob(moment)))
     edit(folder, "windlab/helper.py", "0.5", "0.6")
     assert process.wait(120) == 1

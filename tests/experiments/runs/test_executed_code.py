@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import segar
-from experiments.levels.builders import Prepared
-from experiments.runs import executed_code as module
-from experiments.runs.executed_code import code_after, combined, differing_parts, executed_code, fingerprint
-from experiments.runs.own_files import file_digest
-from experiments.runs.own_modules import modules_reached
-from experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, SACConfig
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.runs import executed_code as module
+from segar.experiments.runs.executed_code import code_after, combined, differing_parts, executed_code, fingerprint
+from segar.experiments.runs.own_files import file_digest
+from segar.experiments.runs.own_modules import modules_reached
+from segar.experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, SACConfig
 
 CONFIG = RunConfig(levels=LevelsConfig(train="empty-easy", count=2, test_count=2))
 
@@ -26,7 +26,7 @@ def package(tmp_path, monkeypatch):
     folder.mkdir()
     (folder / "__init__.py").touch()
     (folder / "mine.py").write_text(
-        "from experiments.algorithms.ppo import PPO\nfrom . import parts\nfrom .sums import add as plus\n"
+        "from segar.experiments.algorithms.ppo import PPO\nfrom . import parts\nfrom .sums import add as plus\n"
     )
     for name in ("parts", "sums", "other"):
         (folder / f"{name}.py").write_text("add = max\n")
@@ -58,8 +58,12 @@ def test_all_that_a_learner_imports_of_its_package_and_of_ours_counts(package):
     found = modules_reached("my_lab.mine")
     ours = {name for name in found if name.startswith("experiments.")}
     assert {*found} - ours == {"my_lab", "my_lab.mine", "my_lab.parts", "my_lab.sums"}
-    assert {"experiments.algorithms.ppo", "experiments.networks.encoders", "experiments.networks.policies"} <= ours
-    assert not [name for name in ours if name.startswith(("experiments.settings", "experiments.commands"))]
+    assert {
+        "segar.experiments.algorithms.ppo",
+        "segar.experiments.networks.encoders",
+        "segar.experiments.networks.policies",
+    } <= ours
+    assert not [name for name in ours if name.startswith(("segar.experiments.settings", "segar.experiments.commands"))]
 
 
 @pytest.mark.parametrize(("file", "counts"), [("mine", True), ("sums", True), ("other", False)])

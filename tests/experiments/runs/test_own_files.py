@@ -7,9 +7,9 @@ import sys
 import pytest
 
 import segar
-from experiments.runs.own_files import own_files
-from experiments.runs.own_modules import find_file
-from experiments.settings import ConfigError
+from segar.experiments.runs.own_files import own_files
+from segar.experiments.runs.own_modules import find_file
+from segar.experiments.settings import ConfigError
 from segar.support import named_object
 
 HERE = (

@@ -5,7 +5,7 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from experiments.runs.performance import performance
+from segar.experiments.runs.performance import performance
 
 
 def episodes(**columns):

@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from analysis.runs import read_runs
-from experiments.results import ResultsConfig, results
-from experiments.runs.run_folder import (
+from segar.analysis.runs import read_runs
+from segar.experiments.results import ResultsConfig, results
+from segar.experiments.runs.run_folder import (
     VERSIONS,
     read_config,
     read_episodes,
@@ -21,7 +21,7 @@ from experiments.runs.run_folder import (
     use_run_folder,
     write_json,
 )
-from experiments.runs.run_rows import (
+from segar.experiments.runs.run_rows import (
     RunRow,
     as_columns,
     copies_warning,
@@ -31,9 +31,16 @@ from experiments.runs.run_rows import (
     run_rows,
     state_of,
 )  # fmt: skip
-from experiments.runs.versions import computed_with
-from experiments.settings import ConfigError, EvaluationConfig, LevelsConfig, RunFolderError, TaskConfig, TrackingConfig
-from experiments.training.run import run
+from segar.experiments.runs.versions import computed_with
+from segar.experiments.settings import (
+    ConfigError,
+    EvaluationConfig,
+    LevelsConfig,
+    RunFolderError,
+    TaskConfig,
+    TrackingConfig,
+)
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
 from tests.synthetic_runs import settings, write_run
 

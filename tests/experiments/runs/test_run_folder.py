@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from experiments.algorithms.ppo import PPO
-from experiments.levels.builders import make_levels
-from experiments.runs.executed_code import executed_code
-from experiments.runs.files import write_text
-from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import (
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.levels.builders import make_levels
+from segar.experiments.runs.executed_code import executed_code
+from segar.experiments.runs.files import write_text
+from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.run_folder import (
     CHECKPOINT,
     CONFIG,
     folder_path,
@@ -25,9 +25,9 @@ from experiments.runs.run_folder import (
     read_summary,
     use_run_folder,
 )
-from experiments.settings import CheckpointError, ConfigError, RunFolderError, TaskConfig, TrackingConfig
-from experiments.training import run as run_module
-from experiments.training.run import run
+from segar.experiments.settings import CheckpointError, ConfigError, RunFolderError, TaskConfig, TrackingConfig
+from segar.experiments.training import run as run_module
+from segar.experiments.training.run import run
 from segar.tasks.puttputt_task import puttputt
 from tests.experiments.short_runs import ITERATIONS, killed_after, same_results, short_run
 
@@ -95,7 +95,7 @@ def test_what_a_folder_holds_stays_where_a_run_that_goes_on_cannot(config, monke
     with killed_after(2, monkeypatch):
         run(config)
     with monkeypatch.context() as patch:
-        patch.setattr("experiments.levels.builders.pick_levels", nothing_to_sample)
+        patch.setattr("segar.experiments.levels.builders.pick_levels", nothing_to_sample)
         with pytest.raises(ConfigError, match="no levels"):
             run(config)
     assert read_journal(Path(config.folder))[-1]["event"] == "failed"
@@ -264,7 +264,7 @@ def test_levels_that_changed_since_the_checkpoint_stop_the_run(config, monkeypat
     with killed_after(2, monkeypatch):
         run(config)
     other = make_levels(dataclasses.replace(config.levels, seed=5))[0]
-    monkeypatch.setattr("experiments.levels.builders.pick_levels", lambda *_: other)
+    monkeypatch.setattr("segar.experiments.levels.builders.pick_levels", lambda *_: other)
     with pytest.raises(CheckpointError, match=r"other levels than those that empty-easy gives now.*restart=true"):
         run(config)
 

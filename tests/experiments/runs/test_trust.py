@@ -7,11 +7,11 @@ import sys
 import pytest
 import yaml
 
-from experiments.runs.own_modules import modules_named
-from experiments.runs.run_folder import CONFIG, read_config, use_run_folder
-from experiments.runs.trust import TRUSTED
-from experiments.settings import LevelsConfig, RunConfig, RunFolderError, TrackingConfig, as_data
 from segar.errors import SegarError
+from segar.experiments.runs.own_modules import modules_named
+from segar.experiments.runs.run_folder import CONFIG, read_config, use_run_folder
+from segar.experiments.runs.trust import TRUSTED
+from segar.experiments.settings import LevelsConfig, RunConfig, RunFolderError, TrackingConfig, as_data
 from segar.support import named_object
 
 OWN = RunConfig(levels=LevelsConfig(train="bad_code:levels"), tracking=TrackingConfig(name="none"))

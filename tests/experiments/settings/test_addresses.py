@@ -9,7 +9,7 @@ import sqlalchemy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.settings import hand_on_password, sqlite_address, with_password, without_password
+from segar.experiments.settings import hand_on_password, sqlite_address, with_password, without_password
 
 WORD = st.text("abcXYZ019._~-%!$", min_size=1, max_size=8)
 

@@ -5,10 +5,10 @@ import json
 import pytest
 import torch
 
-from experiments.commands.hydra_app import compose
-from experiments.runs.run_folder import computed_as_begun, precision_in, read_config, use_run_folder
-from experiments.settings import ConfigError, RunFolderError
-from experiments.settings.processor import BFLOAT16, multiplies_bf16
+from segar.experiments.commands.hydra_app import compose
+from segar.experiments.runs.run_folder import computed_as_begun, precision_in, read_config, use_run_folder
+from segar.experiments.settings import ConfigError, RunFolderError
+from segar.experiments.settings.processor import BFLOAT16, multiplies_bf16
 
 pytestmark = pytest.mark.processor
 ASKED = ["levels=empty-easy", "algorithm=ppo_fast", "observation=rgb_stack2"]

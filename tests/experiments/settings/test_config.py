@@ -7,9 +7,11 @@ import sys
 import pytest
 
 import segar
-from experiments.commands.hydra_app import compose
-from experiments.levels.builders import environment_options, make_levels
-from experiments.settings import (
+from segar.envs import VectorEnv
+from segar.errors import PlacementError
+from segar.experiments.commands.hydra_app import compose
+from segar.experiments.levels.builders import environment_options, make_levels
+from segar.experiments.settings import (
     ConfigError,
     PPOConfig,
     RunConfig,
@@ -20,8 +22,6 @@ from experiments.settings import (
     run,
     run_config,
 )
-from segar.envs import VectorEnv
-from segar.errors import PlacementError
 from segar.levels.named_families import TASK_LEVELS
 from segar.observations.pixels.textured import TexturedPixels
 from segar.tasks.registry import TASKS

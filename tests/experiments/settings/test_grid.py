@@ -4,10 +4,10 @@ import dataclasses
 
 import pytest
 
-from experiments.reproduction.experiment_file import GridConfig
-from experiments.reproduction.grid import grid_runs
-from experiments.settings import LevelsConfig, RunConfig, ScaleConfig
-from experiments.settings.grid import GridPoint, config_at, design_hash, grid_point
+from segar.experiments.reproduction.experiment_file import GridConfig
+from segar.experiments.reproduction.grid import grid_runs
+from segar.experiments.settings import LevelsConfig, RunConfig, ScaleConfig
+from segar.experiments.settings.grid import GridPoint, config_at, design_hash, grid_point
 
 
 def cells_of(config):

@@ -5,9 +5,9 @@ import sys
 import pytest
 
 import segar
-from experiments.levels.builders import distribution_of, make_levels
-from experiments.settings import ConfigError, LevelsConfig, run_config, without_files
 from segar.errors import SegarError
+from segar.experiments.levels.builders import distribution_of, make_levels
+from segar.experiments.settings import ConfigError, LevelsConfig, run_config, without_files
 from segar.support import module_in_file, named_object
 from tests.experiments.short_runs import run_module
 
@@ -135,7 +135,7 @@ TRAIN = (
 )  # fmt: skip
 LEARNER = """
 from dataclasses import dataclass
-from experiments.settings import PPOConfig
+from segar.experiments.settings import PPOConfig
 
 @dataclass(frozen=True)
 class Patient(PPOConfig):
@@ -148,17 +148,17 @@ def test_a_run_of_files_is_evaluated_from_another_folder(tmp_path):
     (tmp_path / "breezes.py").write_text(DEFINITIONS)
     (tmp_path / "patience.py").write_text(LEARNER)
     names = ("levels=breezes.py:breeze", "algorithm=patience.py:Patient", "levels.design=breezes.py:first_half")
-    done = run_module("experiments.train", *names, *TRAIN, f"root={tmp_path}/runs", cwd=tmp_path)
+    done = run_module("segar.experiments.train", *names, *TRAIN, f"root={tmp_path}/runs", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (run,) = (tmp_path / "runs").iterdir()
     assert run.name.startswith("breezes_breeze-breezes_first_half-n2-state-Patient-s0-")
-    done = run_module("experiments.evaluate", f"run={run}", "videos=none", "scores=false", cwd=sys.prefix)
+    done = run_module("segar.experiments.evaluate", f"run={run}", "videos=none", "scores=false", cwd=sys.prefix)
     assert done.returncode == 0, done.stderr
     assert "its own 2 test levels" in done.stdout
 
 
 def test_a_file_that_is_not_there_ends_a_command_with_one_line(tmp_path):
-    done = run_module("experiments.train", "levels=missing.py:calm", cwd=tmp_path)
+    done = run_module("segar.experiments.train", "levels=missing.py:calm", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.splitlines() == [f"error: levels: there is no file {tmp_path}/missing.py"]
 

@@ -4,17 +4,17 @@ import hydra
 import pyarrow.parquet as pq
 import pytest
 
-from experiments.commands.config_store import conf_dir, register_settings
-from experiments.reproduce import SETTINGS, build
-from experiments.reproduction.plan import make_plan
-from experiments.settings import CHECKOUT
+from segar.experiments.commands.config_store import conf_dir, register_settings
+from segar.experiments.reproduce import SETTINGS, build
+from segar.experiments.reproduction.plan import make_plan
+from segar.experiments.settings import WORKSPACE
 
 
 @pytest.mark.results
 @pytest.mark.processor
 @pytest.mark.parametrize(("scale", "runs"), [("quick", 45), ("standard", 135)])
 def test_the_shipped_main_grid_is_that_of_the_planned_runs(scale, runs, tmp_path):
-    table = pq.read_table(CHECKOUT / "docs" / "results" / scale / "runs.parquet", columns=["run", "experiments"])
+    table = pq.read_table(WORKSPACE / "docs" / "results" / scale / "runs.parquet", columns=["run", "experiments"])
     stored = {row["run"] for row in table.to_pylist() if "figure_3a" in row["experiments"].split()}
     register_settings("reproduce", SETTINGS)
     with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):

@@ -10,8 +10,8 @@ import urllib.request
 
 from mlflow import MlflowClient
 
-from experiments.runs.run_folder import read_metrics
-from experiments.settings import EvaluationConfig, PPOConfig, ScaleConfig, TrackingConfig
+from segar.experiments.runs.run_folder import read_metrics
+from segar.experiments.settings import EvaluationConfig, PPOConfig, ScaleConfig, TrackingConfig
 from tests.experiments.short_runs import short_run
 from tests.waiting import PATIENCE, until
 

@@ -12,10 +12,10 @@ import urllib.request
 import psutil
 import pytest
 
-from experiments.dashboard import DashboardConfig, require_free, serve, server_command
-from experiments.settings import CHECKOUT, ConfigError, TrackingConfig, TrackingError
-from experiments.tracking.mlflow_store import open_store
-from experiments.tracking.mlflow_views import VIEWS, link, tags_of_views
+from segar.experiments.dashboard import DashboardConfig, require_free, serve, server_command
+from segar.experiments.settings import WORKSPACE, ConfigError, TrackingConfig, TrackingError
+from segar.experiments.tracking.mlflow_store import open_store
+from segar.experiments.tracking.mlflow_views import VIEWS, link, tags_of_views
 from tests.waiting import PATIENCE, until
 
 
@@ -54,8 +54,8 @@ def test_the_pages_are_served_on_loopback_tell_nobody_and_end_with_ctrl_c(tmp_pa
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         config = DashboardConfig(root=str(tmp_path), port=probe.getsockname()[1])
-    command = [sys.executable, "-m", "experiments.dashboard", f"root={tmp_path}", f"port={config.port}"]
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    command = [sys.executable, "-m", "segar.experiments.dashboard", f"root={tmp_path}", f"port={config.port}"]
+    environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
     with subprocess.Popen(
         command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True, preexec_fn=interruptible
     ) as process:

@@ -6,13 +6,13 @@ import zlib
 
 import pytest
 
-from experiments.dashboard import DashboardConfig, links
-from experiments.evaluation.probing import figures_of
-from experiments.runs.run_folder import read_metrics
-from experiments.settings import EvaluationConfig, ScaleConfig, TrackingConfig, flat
-from experiments.tracking.mlflow_store import open_store, show_views
-from experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, View, curve, link, packed
-from experiments.training.run import run
+from segar.experiments.dashboard import DashboardConfig, links
+from segar.experiments.evaluation.probing import figures_of
+from segar.experiments.runs.run_folder import read_metrics
+from segar.experiments.settings import EvaluationConfig, ScaleConfig, TrackingConfig, flat
+from segar.experiments.tracking.mlflow_store import open_store, show_views
+from segar.experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, View, curve, link, packed
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 from mlflow import MlflowClient
 
-from experiments.runs.run_folder import EPISODES, SUMMARY, is_finished, read_summary, run_folders
-from experiments.settings import CHECKOUT, TrackingConfig, flat
-from experiments.tracking.mlflow_store import open_store
-from experiments.tracking.mlflow_sync import read_sync_state, tags_of
-from experiments.tracking.mlflow_views import tags_of_views
-from experiments.training.run import run
-from experiments.upload import UploadConfig, upload
+from segar.experiments.runs.run_folder import EPISODES, SUMMARY, is_finished, read_summary, run_folders
+from segar.experiments.settings import WORKSPACE, TrackingConfig, flat
+from segar.experiments.tracking.mlflow_store import open_store
+from segar.experiments.tracking.mlflow_sync import read_sync_state, tags_of
+from segar.experiments.tracking.mlflow_views import tags_of_views
+from segar.experiments.training.run import run
+from segar.experiments.upload import UploadConfig, upload
 from tests.experiments.short_runs import COMMAND, before_iteration
 from tests.experiments.tracking.mlflow_server import MLflowServer, has_each_figure_once, in_folder, logged, long_run
 from tests.waiting import PATIENCE, until
@@ -127,8 +127,8 @@ def test_runs_that_begin_at_once_in_folders_of_their_own_find_each_other_in_one_
         cwd.mkdir()
         settings = [f"root={tmp_path / 'runs'}", f"folder={tmp_path / f'run{seed}'}", f"seed={seed}"]
         settings += [f"tracking.uri='{uri}'", "tracking.experiment=at_once", "tracking.sweep=both"]
-        command = [sys.executable, "-m", "experiments.train", *COMMAND, *settings]
-        environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+        command = [sys.executable, "-m", "segar.experiments.train", *COMMAND, *settings]
+        environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
         processes.append(subprocess.Popen(command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True))
     said = [process.communicate()[1] for process in processes]
     assert [process.returncode for process in processes] == [0, 0], said
@@ -150,8 +150,8 @@ def test_eight_runs_at_once_into_a_database_that_is_killed_and_started_again_hav
     uri, root, log = postgres.new_database("killed"), tmp_path / "runs", tmp_path / "log"
     settings = ["seed=1,2,3,4,5,6,7,8", "scale.frames=12_800", f"root={root}", f"tracking.uri='{uri}'"]
     settings += ["tracking.interval=0.1", "hydra/launcher=cores", "hydra.launcher.n_jobs=8"]
-    command = [sys.executable, "-m", "experiments.train", "--multirun", *COMMAND, *settings]
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    command = [sys.executable, "-m", "segar.experiments.train", "--multirun", *COMMAND, *settings]
+    environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
 
     def count(happened):
         return sum(happened(folder) for folder in run_folders(root))

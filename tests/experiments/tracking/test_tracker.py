@@ -15,16 +15,16 @@ import pytest
 from filelock import FileLock
 from mlflow.entities import ViewType
 
-from experiments.runs.executed_code import executed_code
-from experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics, read_played, read_versions
-from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
-from experiments.tracking import mlflow_store, mlflow_sync
-from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
-from experiments.tracking.mlflow_sync import read_sync_state
-from experiments.tracking.tracker import Tracker, start_tracking
-from experiments.training import run as run_module
-from experiments.training.run import run
-from experiments.upload import UploadConfig, upload
+from segar.experiments.runs.executed_code import executed_code
+from segar.experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics, read_played, read_versions
+from segar.experiments.settings import WORKSPACE, LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
+from segar.experiments.tracking import mlflow_store, mlflow_sync
+from segar.experiments.tracking.mlflow_store import is_remote, open_store, store_uri
+from segar.experiments.tracking.mlflow_sync import read_sync_state
+from segar.experiments.tracking.tracker import Tracker, start_tracking
+from segar.experiments.training import run as run_module
+from segar.experiments.training.run import run
+from segar.experiments.upload import UploadConfig, upload
 from tests.experiments.short_runs import Killed, before_iteration, killed_after, same_results, short_run, stop
 from tests.experiments.tracking.mlflow_server import has_each_figure_once
 from tests.synthetic_runs import settings, write_run
@@ -32,9 +32,9 @@ from tests.waiting import until
 
 START = """
 import sys
-from experiments.settings import RunConfig
+from segar.experiments.settings import RunConfig
 from pathlib import Path
-from experiments.tracking.tracker import start_tracking
+from segar.experiments.tracking.tracker import start_tracking
 
 rows = [{"name": "episode/return", "frames": k, "seconds": 0.5 * k, "value": -k} for k in range(5)]
 tracker = start_tracking(RunConfig(root=sys.argv[1], seed=int(sys.argv[2])), Path(sys.argv[1]) / sys.argv[2], rows)
@@ -49,7 +49,7 @@ def store(tmp_path_factory):
     processes = []
     for number in range(2):
         cwd = tmp_path_factory.mktemp(f"cwd{number}")
-        environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+        environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
         command = [sys.executable, "-W", "ignore", "-c", START, str(root), str(number)]
         processes.append((cwd, subprocess.Popen(command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True)))
     ended = [process.communicate()[1] for _, process in processes]
@@ -125,7 +125,7 @@ def test_a_run_that_is_trained_again_replaces_the_earlier_one(tmp_path, monkeypa
     deleted = client.search_runs([one.info.experiment_id], run_view_type=ViewType.DELETED_ONLY)
     assert [run.data.tags["config_hash"] for run in deleted] == [one.data.tags["config_hash"]]
     made, tags = read_versions(tmp_path / "run"), one.data.tags
-    assert (tags["mlflow.source.name"], tags["mlflow.source.type"]) == ("experiments.train", "LOCAL") and tags[
+    assert (tags["mlflow.source.name"], tags["mlflow.source.type"]) == ("segar.experiments.train", "LOCAL") and tags[
         "mlflow.user"
     ]
     assert tags["mlflow.source.git.commit"] == made["git"]["commit"]
@@ -350,7 +350,7 @@ def test_an_upload_that_finds_no_runs_says_where_it_looked(tmp_path):
 def test_a_server_that_is_never_there_stops_nothing_and_gets_all_by_a_command_later(tmp_path, server, capfd):
     server.up = False
     folder = run(short_run(tmp_path / "runs" / "one", tracking=REMOTE)).folder
-    assert f"this sends them: python -m experiments.upload run={folder} uri={REMOTE.uri}\n" in capfd.readouterr().err
+    assert f"this sends them: segar upload run={folder} uri={REMOTE.uri}\n" in capfd.readouterr().err
     with pytest.raises(TrackingError, match="nobody is there"):
         upload(UploadConfig(run=str(folder), uri=REMOTE.uri))
     server.up, said = True, []
@@ -410,7 +410,7 @@ def test_a_store_that_another_process_opens_ends_no_run_and_gets_all_when_it_is_
     config = short_run(tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig(interval=0.0))
     with FileLock(tmp_path / ".mlflow.lock"):
         folder = run(config).folder
-    assert "this sends them: python -m experiments.upload" in capfd.readouterr().err
+    assert "this sends them: segar upload" in capfd.readouterr().err
     upload(UploadConfig(run=str(folder)))
     _, one = run_in(tmp_path, folder)
     assert one.info.status == "FINISHED"

@@ -6,8 +6,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from experiments.commands.kernels import choose_kernels
-from experiments.settings import (
+from segar.experiments.commands.kernels import choose_kernels
+from segar.experiments.settings import (
     CURLConfig,
     DrACConfig,
     DrQConfig,
@@ -41,9 +41,9 @@ ALGORITHMS = {
 
 def hash_of_weights(name: str, determinism: str) -> str:
     """Trains the algorithm on frames that are drawn, or on states, and hashes its weights and its evaluation."""
-    from experiments.algorithms.checkpoint import read_checkpoint
-    from experiments.runs.run_folder import CHECKPOINT, read_episodes
-    from experiments.training.run import run
+    from segar.experiments.algorithms.checkpoint import read_checkpoint
+    from segar.experiments.runs.run_folder import CHECKPOINT, read_episodes
+    from segar.experiments.training.run import run
 
     algorithm, observation = ALGORITHMS[name]
     config = RunConfig(

@@ -5,10 +5,10 @@ import json
 import pytest
 import torch
 
-from experiments.runs.run_folder import VERSIONS, read_versions
-from experiments.runs.versions import computed_with
-from experiments.settings.processor import BFLOAT16
-from experiments.training.run import run
+from segar.experiments.runs.run_folder import VERSIONS, read_versions
+from segar.experiments.runs.versions import computed_with
+from segar.experiments.settings.processor import BFLOAT16
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import killed_after, short_run
 
 pytestmark = pytest.mark.processor

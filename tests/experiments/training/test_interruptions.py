@@ -12,13 +12,13 @@ import time
 import pytest
 import torch
 
-from experiments.algorithms.checkpoint import read_checkpoint
-from experiments.algorithms.ppo import PPO
-from experiments.commands.signals import Stopped
-from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import CHECKPOINT, DAMAGED, JOURNAL, PREVIOUS, is_finished, read_metrics
-from experiments.settings import CHECKOUT, CheckpointError, RunFolderError, ScaleConfig, TrainingError
-from experiments.training.run import run
+from segar.experiments.algorithms.checkpoint import read_checkpoint
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.commands.signals import Stopped
+from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.run_folder import CHECKPOINT, DAMAGED, JOURNAL, PREVIOUS, is_finished, read_metrics
+from segar.experiments.settings import WORKSPACE, CheckpointError, RunFolderError, ScaleConfig, TrainingError
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import (
     COMMAND,
     FRAMES,
@@ -127,9 +127,9 @@ def test_a_run_in_another_thread_trains_without_watching_signals(tmp_path):
 
 @pytest.mark.slow
 def test_the_command_says_why_it_stopped_and_ends_as_the_shell_has_it(tmp_path):
-    command = [sys.executable, "-m", "experiments.train", *COMMAND, "tracking=none", f"folder={tmp_path / 'run'}"]
+    command = [sys.executable, "-m", "segar.experiments.train", *COMMAND, "tracking=none", f"folder={tmp_path / 'run'}"]
     command += ["scale.frames=100_000_000"]
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
     process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
     while not (tmp_path / "run" / CHECKPOINT).exists():
         assert process.poll() is None, process.communicate()
@@ -182,7 +182,7 @@ def test_a_disk_that_is_full_is_told_and_costs_the_work_since_the_last_checkpoin
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
         full.setattr("pathlib.Path.write_bytes", no_room)
-        full.setattr("experiments.runs.journal.Path.open", no_room)
+        full.setattr("segar.experiments.runs.journal.Path.open", no_room)
 
     with (
         monkeypatch.context() as full,
@@ -250,7 +250,7 @@ def test_where_both_checkpoints_are_damaged_nothing_is_guessed(tmp_path, monkeyp
 @pytest.mark.slow
 def test_a_run_that_stops_in_its_evaluation_is_evaluated_when_it_goes_on(tmp_path, monkeypatch):
     with monkeypatch.context() as patch, pytest.raises(Stopped):
-        patch.setattr("experiments.training.run.evaluate_run", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+        patch.setattr("segar.experiments.training.run.evaluate_run", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
         run(short_run(tmp_path / "run"))
     last = read_journal(tmp_path / "run")[-1]
     assert (last["event"], last["during"]) == ("stopped", "evaluation")

@@ -2,10 +2,10 @@
 
 import pytest
 
-from experiments.levels.builders import Prepared
-from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
-from experiments.training.large_numbers import advice, large_numbers
-from experiments.training.run import run
+from segar.experiments.levels.builders import Prepared
+from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
+from segar.experiments.training.large_numbers import advice, large_numbers
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import figures, short_run, weights
 
 HERE = "tests.experiments.training.clock_task"
@@ -52,7 +52,7 @@ def test_a_run_warns_once_and_has_the_results_that_it_has_without_the_look(tmp_p
     said = []
     run(short_run(tmp_path / "a", levels=LEVELS, task=TASK), said.append)
     assert sum("large numbers" in line for line in said) == 1
-    monkeypatch.setattr("experiments.training.preparation.large_numbers", lambda prepared: {})
+    monkeypatch.setattr("segar.experiments.training.preparation.large_numbers", lambda prepared: {})
     run(short_run(tmp_path / "b", levels=LEVELS, task=TASK), said.append)
     assert figures(tmp_path / "a") == figures(tmp_path / "b")
     assert all((weights(tmp_path / "b")[name] == value).all() for name, value in weights(tmp_path / "a").items())

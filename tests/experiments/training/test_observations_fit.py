@@ -2,13 +2,13 @@
 
 import pytest
 
-from analysis.probes.collection import collect_run
-from experiments.evaluation.evaluator import evaluate
-from experiments.evaluation.transfer_evaluation import evaluate_transfer
-from experiments.evaluation.transfers import Transfer
-from experiments.levels.builders import Prepared, check_observations, environment_options, make_levels
-from experiments.runs.run_folder import read_metrics
-from experiments.settings import (
+from segar.analysis.probes.collection import collect_run
+from segar.experiments.evaluation.evaluator import evaluate
+from segar.experiments.evaluation.transfer_evaluation import evaluate_transfer
+from segar.experiments.evaluation.transfers import Transfer
+from segar.experiments.levels.builders import Prepared, check_observations, environment_options, make_levels
+from segar.experiments.runs.run_folder import read_metrics
+from segar.experiments.settings import (
     ConfigError,
     EvaluateConfig,
     EvaluationConfig,
@@ -17,7 +17,7 @@ from experiments.settings import (
     RunConfig,
     add_module_path,
 )
-from experiments.training.run import run
+from segar.experiments.training.run import run
 from segar.levels import source_moments
 from segar.observations.state import places
 from tests.experiments.short_runs import short_run

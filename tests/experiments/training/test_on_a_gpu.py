@@ -8,11 +8,14 @@ from pathlib import Path
 import pytest
 import torch
 
-from experiments.algorithms import off_policy, ppo
-from experiments.algorithms.checkpoint import newest_checkpoint
-from experiments.reproduction.process_pool import Job, run_jobs
-from experiments.runs.run_folder import read_summary
-from experiments.settings import (
+from segar.engine.cuda.driver import Driver
+from segar.envs import device_episodes
+from segar.envs.device_episodes import GPU
+from segar.experiments.algorithms import off_policy, ppo
+from segar.experiments.algorithms.checkpoint import newest_checkpoint
+from segar.experiments.reproduction.process_pool import Job, run_jobs
+from segar.experiments.runs.run_folder import read_summary
+from segar.experiments.settings import (
     ConfigError,
     ObservationConfig,
     PPOConfig,
@@ -21,10 +24,7 @@ from experiments.settings import (
     ScaleConfig,
     TaskConfig,
 )
-from experiments.training.run import run
-from segar.engine.cuda.driver import Driver
-from segar.envs import device_episodes
-from segar.envs.device_episodes import GPU
+from segar.experiments.training.run import run
 from segar.observations import OneOf
 from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, short_run
 from tests.segar.engine.cuda.stub_driver import StubDriver

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import segar
-from experiments.results import ResultsConfig, results
-from experiments.runs.run_folder import read_episodes
-from experiments.settings import ConfigError, LevelsConfig, TaskConfig
-from experiments.settings.own_code import file_fingerprint
-from experiments.training.run import run
+from segar.experiments.results import ResultsConfig, results
+from segar.experiments.runs.run_folder import read_episodes
+from segar.experiments.settings import ConfigError, LevelsConfig, TaskConfig
+from segar.experiments.settings.own_code import file_fingerprint
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
 HERE = "tests.experiments.training.own_results"

@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from experiments.commands.kernels import LIMITS, PORTABLE
-from experiments.settings import CHECKOUT
-from experiments.settings.processor import lacks_for_portable
+from segar.experiments.commands.kernels import LIMITS, PORTABLE
+from segar.experiments.settings import WORKSPACE
+from segar.experiments.settings.processor import lacks_for_portable
 from tests.experiments.training.portable_runs import ALGORITHMS
 
 pytestmark = pytest.mark.skipif(bool(lacks_for_portable()), reason="this processor lacks the portable kernels")
@@ -27,8 +27,8 @@ OLD_AND_COMPILED = {**OLD, "NUMBA_CPU_NAME": "nehalem"}  # compiles all kernels 
 def python(*arguments, limits=None):
     """Calls Python from the checkout with these limits alone."""
     environment = {name: value for name, value in os.environ.items() if name not in LIMITS}
-    environment |= {**(limits or {}), "PYTHONPATH": str(CHECKOUT)}
-    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, env=environment, cwd=CHECKOUT)
+    environment |= {**(limits or {}), "PYTHONPATH": str(WORKSPACE)}
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, env=environment, cwd=WORKSPACE)
 
 
 def hashes(determinism, *names, limits=None):
@@ -52,7 +52,7 @@ def test_without_it_the_limits_change_the_weights_of_each_algorithm():
     assert [name for name in ALGORITHMS if here[name] == there[name]] == []
 
 
-CHOOSE = "from experiments.commands.kernels import choose_kernels; choose_kernels('{}')"
+CHOOSE = "from segar.experiments.commands.kernels import choose_kernels; choose_kernels('{}')"
 
 
 @pytest.mark.slow
@@ -81,6 +81,6 @@ def test_a_portable_run_can_follow_another():
 
 
 def test_a_processor_without_the_instructions_is_told():
-    done = python("-c", f"import experiments.commands.kernels as k; k.lacks_for_portable = lambda: ['avx2', 'fma']; "
+    done = python("-c", f"import segar.experiments.commands.kernels as k; k.lacks_for_portable = lambda: ['avx2', 'fma']; "
                         f"{CHOOSE.format('portable')}")  # fmt: skip
     assert "determinism: portable needs a processor with avx2, fma, which this one lacks" in done.stderr

@@ -9,9 +9,9 @@ import time
 
 import pytest
 
-from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import read_summary
-from experiments.settings import CHECKOUT
+from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.run_folder import read_summary
+from segar.experiments.settings import WORKSPACE
 from tests.experiments.short_runs import same_results
 
 pytestmark = pytest.mark.slow
@@ -36,8 +36,8 @@ LONG = (
 
 def command(cwd, folder):
     return subprocess.Popen(
-        [sys.executable, "-m", "experiments.train", *LONG, f"folder={folder}"],
-        cwd=cwd, env={**os.environ, "PYTHONPATH": str(CHECKOUT)}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        [sys.executable, "-m", "segar.experiments.train", *LONG, f"folder={folder}"],
+        cwd=cwd, env={**os.environ, "PYTHONPATH": str(WORKSPACE)}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
 
 

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from experiments.evaluation.episodes import action_rng, play_episodes
-from experiments.evaluation.evaluator import evaluate
-from experiments.levels.builders import environment_options
-from experiments.reproduction.grid import varied_columns, with_settings
-from experiments.runs.run_folder import read_episodes, read_summary
-from experiments.settings import (
+from segar import GoalTile, GolfBall, Position, family, puttputt
+from segar.envs import VectorEnv
+from segar.experiments.evaluation.episodes import action_rng, play_episodes
+from segar.experiments.evaluation.evaluator import evaluate
+from segar.experiments.levels.builders import environment_options
+from segar.experiments.reproduction.grid import varied_columns, with_settings
+from segar.experiments.runs.run_folder import read_episodes, read_summary
+from segar.experiments.settings import (
     ConfigError,
     EvaluateConfig,
     ObservationConfig,
@@ -22,9 +24,7 @@ from experiments.settings import (
     as_data,
     run_config,
 )
-from experiments.training.run import run
-from segar import GoalTile, GolfBall, Position, family, puttputt
-from segar.envs import VectorEnv
+from segar.experiments.training.run import run
 from tests.experiments.short_runs import killed_after, same_results, short_run
 
 SMALL = {"num_envs": 8, "num_steps": 8, "widths": (8,), "head_width": 0}
@@ -92,7 +92,7 @@ def test_an_algorithm_without_a_memory_is_told_what_trials_mean_for_it(tmp_path)
 
 def test_a_recurrent_agent_keeps_its_memory_between_trials_in_evaluation():
     """It acts as its network does when it is stepped through all trials by hand, without a reset between them."""
-    from experiments.algorithms.recurrent_ppo import RecurrentPPO
+    from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO
 
     levels = family("empty-easy").sample(3, seed=0)
     config = RunConfig(algorithm=RECURRENT, observation=PAST, trials=3)

@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 import segar
-from experiments.settings import RunConfig
 from segar import cli
 from segar.cli import cite
+from segar.experiments.settings import RunConfig
 from tests.places import ROOT
 from tests.synthetic_runs import settings, write_run
 

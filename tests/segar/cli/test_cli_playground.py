@@ -215,7 +215,7 @@ def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
     (run / "config.yaml").write_text("- !!python/object:os.system x\n")
     assert "config.yaml holds no settings of a run" in refused(capsys, *base, "--policy", run)
     (tmp_path / "bare").mkdir()
-    assert "python -m experiments.evaluate run=bare portable=true" in refused(capsys, *base, "--policy", "bare")
+    assert "segar evaluate run=bare portable=true" in refused(capsys, *base, "--policy", "bare")
     assert "levels.npz" in refused(capsys, "levels.npz", "-o", "page.html")
     np.savez("levels.npz", x=np.zeros(3))
     assert "levels.npz" in refused(capsys, "levels.npz", "-o", "page.html")

@@ -7,12 +7,12 @@ import pytest
 from scipy import stats
 
 import segar
-from experiments.evaluation.episodes import distance_figures, evaluate_run, evaluation_figures, play_episodes
-from experiments.levels.builders import Prepared, environment_options
-from experiments.settings import EvaluationConfig, RunConfig, TaskConfig
 from segar import evaluation
 from segar.evaluation import QUANTITIES, PlayedEpisodes, find_baselines
 from segar.evaluation.policy_evaluation import Evaluation, LevelSetResult
+from segar.experiments.evaluation.episodes import distance_figures, evaluate_run, evaluation_figures, play_episodes
+from segar.experiments.levels.builders import Prepared, environment_options
+from segar.experiments.settings import EvaluationConfig, RunConfig, TaskConfig
 
 TRAIN, TEST = (segar.family("tilesx2-medium").sample(8, seed=3, split=split) for split in ("train", "test"))
 

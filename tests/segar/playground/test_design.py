@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 import segar
-from experiments.levels.builders import make_levels
-from experiments.settings import LevelsConfig
+from segar.experiments.levels.builders import make_levels
+from segar.experiments.settings import LevelsConfig
 from segar.language import (
     Ball,
     ConvexHull,

@@ -81,7 +81,7 @@ def test_a_policy_for_other_actions_is_refused_with_both() -> None:
 
 
 def test_what_is_no_policy_and_weights_that_do_not_fit_are_refused() -> None:
-    refused(r"not function; make one of a run by python -m experiments.evaluate", policy=lambda seen: seen)
+    refused(r"not function; make one of a run by segar evaluate", policy=lambda seen: seen)
     refused("weights must be float32 or float16, not 'int8'", policy=convolutional("rgb"), weights="int8")
     network = perceptron("state")
     layer = network.layers[1]

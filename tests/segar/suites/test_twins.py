@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 import segar
-from analysis.causes import causes_plot, profile_of_causes, read_causes
 from segar import GolfBall, Gravity, Mass, Position, Prior, UniformNoise
+from segar.analysis.causes import causes_plot, profile_of_causes, read_causes
 from segar.errors import LevelError, SegarError, SuiteError
 from segar.levels import hash_of_levels, mechanisms, set_as, with_mechanisms
 from segar.rules import DEFAULT_RULES, apply_friction, record_drag

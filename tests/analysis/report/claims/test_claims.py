@@ -6,22 +6,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.prediction import matched_predictions
-from analysis.report.claims.reading import read_claims
-from analysis.report.claims.rows import ROWS
-from analysis.report.claims.specifications import specifications, survives
-from analysis.report.claims.statements import METRICS, STATEMENTS, stated
-from analysis.report.claims.tests import TESTS, differences
-from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
-from analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS
-from analysis.report.document.beyond import CONTRASTS, contrasts
-from analysis.report.document.blocks import FINDING_HEAD, finding_rows
-from analysis.report.number_format import NONE
-from analysis.report.results import read_results
-from analysis.report.rules import WHOLE
-from analysis.stats.prediction import left_out
+from segar.analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.prediction import matched_predictions
+from segar.analysis.report.claims.reading import read_claims
+from segar.analysis.report.claims.rows import ROWS
+from segar.analysis.report.claims.specifications import specifications, survives
+from segar.analysis.report.claims.statements import METRICS, STATEMENTS, stated
+from segar.analysis.report.claims.tests import TESTS, differences
+from segar.analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
+from segar.analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS
+from segar.analysis.report.document.beyond import CONTRASTS, contrasts
+from segar.analysis.report.document.blocks import FINDING_HEAD, finding_rows
+from segar.analysis.report.number_format import NONE
+from segar.analysis.report.results import read_results
+from segar.analysis.report.rules import WHOLE
+from segar.analysis.stats.prediction import left_out
 from tests.synthetic_results import everything, player_rows, run_rows, write_players, write_results
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.claims.claim import LEARNED, METRIC_OURS
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.reading import read_claims
-from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
-from analysis.report.results import read_results
+from segar.analysis.report.claims.claim import LEARNED, METRIC_OURS
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.reading import read_claims
+from segar.analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
+from segar.analysis.report.results import read_results
 from tests.synthetic_results import run_rows, write_results
 
 HEADLINE = ("3a", "3a-panel", "3a-n", "3a-cell")

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from analysis.report.claims import statements
-from analysis.report.claims.claim import METRIC_OURS
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.reading import read_claims
-from analysis.report.claims.rows import all_rule_set_runs, rule_set_runs, runs_on_ten
-from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED
-from analysis.report.number_format import estimate_text
-from analysis.report.results import read_results
+from segar.analysis.report.claims import statements
+from segar.analysis.report.claims.claim import METRIC_OURS
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.reading import read_claims
+from segar.analysis.report.claims.rows import all_rule_set_runs, rule_set_runs, runs_on_ten
+from segar.analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED
+from segar.analysis.report.number_format import estimate_text
+from segar.analysis.report.results import read_results
 from tests.synthetic_results import rule_set_distances, rule_set_rows, trial_rows, write_results
 
 

@@ -4,12 +4,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.scores import COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, profiles, scored
-from analysis.report.document.beyond import compared
-from analysis.report.document.blocks import Bullets, Table
-from analysis.report.figures.agents import THRESHOLDS, performance_profiles
-from analysis.report.results import read_results
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.scores import (
+    COMPARED,
+    IMPROVEMENT,
+    IQM,
+    REGRET,
+    SUCCESS,
+    comparison,
+    profiles,
+    scored,
+)
+from segar.analysis.report.document.beyond import compared
+from segar.analysis.report.document.blocks import Bullets, Table
+from segar.analysis.report.figures.agents import THRESHOLDS, performance_profiles
+from segar.analysis.report.results import read_results
 from tests.synthetic_results import player_rows, run_rows, write_players, write_results
 
 FLOOR, ORACLE, SEEDS = -10.0, -2.0, 4

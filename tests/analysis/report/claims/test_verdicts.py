@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.report import rules
-from analysis.report.claims import verdicts
-from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Claim, Finding, claims_table
-from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED, VERDICTS
-from analysis.stats.estimate import Estimate
+from segar.analysis.report import rules
+from segar.analysis.report.claims import verdicts
+from segar.analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Claim, Finding, claims_table
+from segar.analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED, VERDICTS
+from segar.analysis.stats.estimate import Estimate
 from tests.places import ROOT
 
 REAL = st.floats(-1, 1)

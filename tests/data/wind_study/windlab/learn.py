@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from experiments.algorithms.ppo import PPO
-from experiments.settings import PPOConfig
+from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.settings import PPOConfig
 
 
 @dataclass(frozen=True)
