@@ -36,9 +36,11 @@ MOST_OF_OURS = 20  # modules that `import segar` loads
 
 # An arrow is (who, whom): no file under the first may import a module under the second.
 FORBIDDEN_ARROWS = (
-    ("segar", "experiments"),
-    ("segar", "analysis"),
-    ("experiments", "analysis"),
+    ("segar", "segar.experiments"),
+    ("segar", "segar.analysis"),
+    ("experiments", "segar.analysis"),
+    *(("experiments", name) for name in ("experiments", "analysis")),  # their names are those within segar
+    *(("analysis", name) for name in ("experiments", "analysis")),
 )
 TORCH = ("torch", "torchrl", "tensordict")
 THE_TORCH_FILES = ("segar/envs/torchrl_env.py", "segar/envs/device_episodes.py")
@@ -195,6 +197,8 @@ def declared(extras: tuple[str, ...]) -> set[str]:
     requirements = list(project["dependencies"])
     for extra in extras:
         requirements += project["optional-dependencies"][extra]
+        inner = [re.fullmatch(r"segar\[(.*)\]", one) for one in project["optional-dependencies"][extra]]
+        requirements += [more for one in inner if one for name in one[1].split(",") for more in declared((name,))]
     return {normalized(re.split(r"[\[<>=!~; ]", requirement, maxsplit=1)[0]) for requirement in requirements}
 
 

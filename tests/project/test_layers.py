@@ -60,6 +60,7 @@ ORDER = [
     "segar.experiments.upload",
     "segar.experiments.search",
     "segar.experiments.reproduce",
+    "segar.experiments.sweep",
     "segar.experiments.study",
     "segar.experiments.benchmark",
     "segar.experiments",

@@ -1,19 +1,21 @@
-"""What is installed: the wheel ships segar alone, and an editable install finds experiments from any directory."""
+"""What is installed: one wheel with one top-level name, and an editable install that finds it from any directory."""
 
 import configparser
 import importlib
 import importlib.metadata
+import os
 import subprocess
 import sys
 import tomllib
 import zipfile
-from pathlib import Path
 
 import pytest
 import yaml
 
 import segar
 from tests.places import ROOT
+
+LINKED = ("experiments", "analysis", "conf")
 
 
 @pytest.fixture(scope="module")
@@ -33,27 +35,38 @@ def test_the_wheel_ships_segar_alone(wheel):
     assert {name for name in top if not name.endswith(".dist-info")} == {"segar"}
 
 
-def test_the_wheel_ships_every_module_of_segar(wheel):
+def test_the_wheel_ships_every_module_and_every_configuration(wheel):
+    places = [ROOT / "segar", *(ROOT / "segar" / name for name in LINKED)]
     sources = {
-        path.relative_to(ROOT).as_posix() for path in (ROOT / "segar").rglob("*.py*") if path.suffix in (".py", ".pyi")
+        file for place in places for file in place.resolve().rglob("*") if file.suffix in (".py", ".pyi", ".yaml")
     }
-    assert sources <= set(wheel.namelist())
+    names = [file.relative_to(ROOT).as_posix() for file in sources]
+    assert {name if name.startswith("segar/") else f"segar/{name}" for name in names} <= set(wheel.namelist())
+
+
+def test_links_lead_to_the_folders_at_the_top():
+    assert {path.name: path.resolve() for path in (ROOT / "segar").iterdir() if path.is_symlink()} == {
+        name: ROOT / name for name in LINKED
+    }
 
 
 def test_the_entry_point_of_the_wheel_names_a_function(wheel):
     (name,) = (name for name in wheel.namelist() if name.endswith("entry_points.txt"))
     entry_points = configparser.ConfigParser()
     entry_points.read_string(wheel.read(name).decode())
-    module, function = entry_points["gymnasium.envs"]["__root__"].split(":")
-    assert callable(getattr(importlib.import_module(module), function))
+    named = [entry_points["gymnasium.envs"]["__root__"], *entry_points["segar.commands"].values()]
+    for module, function in (name.split(":") for name in named):
+        assert callable(getattr(importlib.import_module(module), function))
 
 
-@pytest.mark.parametrize("package", ["segar", "experiments", "analysis"])
-def test_packages_are_found_from_any_directory(package, tmp_path):
-    code = f"import importlib.util as u; print(u.find_spec({package!r}).submodule_search_locations[0])"
-    run = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
-    assert Path(run.stdout.strip()) == ROOT / package
+def test_a_folder_of_ones_own_called_experiments_is_ones_own(tmp_path):
+    for name in ("experiments", "analysis"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("mine = 'mine'")
+    code = "import experiments, analysis, segar.experiments.train; print(experiments.mine, analysis.mine)"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    run = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, env=environment)
+    assert (run.stdout.strip(), run.stderr) == ("mine mine", "")
 
 
 def test_every_pin_is_exact_or_a_closed_range():

@@ -57,7 +57,7 @@ def test_the_learners_here_have_all():
 
 def test_a_run_names_the_methods_that_its_learner_lacks_and_leaves_no_folder(tmp_path):
     lacking = r"algorithm: .*test_learner:WithoutSteps is no learner: it lacks iterate, load_state_dict\. "
-    with pytest.raises(ConfigError, match=lacking + r"experiments\.algorithms\.learner says what each is for"):
+    with pytest.raises(ConfigError, match=lacking + r"segar\.experiments\.algorithms\.learner says what each is for"):
         run(short_run(tmp_path / "run", algorithm=OwnConfig()))
     assert not (tmp_path / "run").exists()
 

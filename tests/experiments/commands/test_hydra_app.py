@@ -122,7 +122,7 @@ def test_an_algorithm_of_a_package_is_trained_and_its_run_read_again(my_lab, tmp
 @pytest.mark.parametrize("module", ["train", pytest.param("search", marks=pytest.mark.slow), "reproduce"])
 def test_groups_of_a_package_are_found_by_every_command(my_lab, module):
     done = in_folder(
-        f"experiments.{module}",
+        f"segar.experiments.{module}",
         "hydra.searchpath=[pkg://my_lab.conf]",
         "algorithm=mine",
         "observation=far_two",

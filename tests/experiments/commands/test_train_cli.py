@@ -76,7 +76,7 @@ def test_a_command_that_nobody_reads_any_more_ends_quietly_as_a_shell_has_it(tmp
     reader, writer = os.pipe()
     os.close(reader)
     given = [*arguments, f"root={tmp_path / 'runs'}"] if "--help" not in arguments else arguments
-    done = subprocess.run([sys.executable, "-m", f"experiments.{module}", *given], cwd=WORKSPACE, stdout=writer,
+    done = subprocess.run([sys.executable, "-m", f"segar.experiments.{module}", *given], cwd=WORKSPACE, stdout=writer,
                           stderr=subprocess.PIPE, text=True)  # fmt: skip
     os.close(writer)
     assert (done.returncode, done.stderr) == (141, "")

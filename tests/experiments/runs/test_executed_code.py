@@ -56,7 +56,7 @@ def edited(path: Path, old: str, new: str) -> None:
 
 def test_all_that_a_learner_imports_of_its_package_and_of_ours_counts(package):
     found = modules_reached("my_lab.mine")
-    ours = {name for name in found if name.startswith("experiments.")}
+    ours = {name for name in found if name.startswith("segar.experiments.")}
     assert {*found} - ours == {"my_lab", "my_lab.mine", "my_lab.parts", "my_lab.sums"}
     assert {
         "segar.experiments.algorithms.ppo",
