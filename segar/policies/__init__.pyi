@@ -1,5 +1,6 @@
 from .layers import Layer
 from .network import NETWORK_FILE as NETWORK_FILE, Network
 from .network_policy import NetworkPolicy
+from .shipped import load
 
-__all__ = ["Layer", "Network", "NetworkPolicy"]
+__all__ = ["Layer", "Network", "NetworkPolicy", "load"]

@@ -92,6 +92,10 @@ class NetworkPolicy:
         self._team.do_range(lambda start, stop: self._act(rows, actions, start, stop), blocks)
         return actions
 
+    def act(self, observation: np.ndarray) -> np.ndarray:
+        """The action float32 ``(components,)`` for one observation; raises as a call with many, of one environment."""
+        return self(np.asarray(observation)[None])[0]
+
     def call(self) -> Call:
         """What a call of the policy does, for other targets; see :func:`segar.engine.build_kernel`.
 

@@ -68,6 +68,15 @@ from .npz import (
     open_npz as open_npz,
 )
 from .optimal_transport import emd as emd, plan_of as plan_of, pot as pot
+from .published import (
+    ADDRESS as ADDRESS,
+    COLUMNS as COLUMNS,
+    MANIFEST as MANIFEST,
+    RESULTS as RESULTS,
+    Published as Published,
+    fetch_published as fetch_published,
+    read_manifest as read_manifest,
+)
 from .reading import check_size as check_size, content_of as content_of, opened as opened, sha256_of as sha256_of
 from .text_table import aligned as aligned, counted as counted
 from .threads import Team as Team

@@ -53,7 +53,7 @@ PLACES_WITH_AN_EXTRA = {
     "segar/textures/": "filters",
     "segar/envs/sb3_env.py": "sb3",
     "segar/cli/cite.py": "train",
-    "segar/cli/results.py": "results",
+    "segar/support/published.py": "results",
     "segar/playground/run_folder.py": "train",
     "segar/playground/server.py": "studio",
 }

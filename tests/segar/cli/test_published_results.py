@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from segar.cli import main
-from segar.cli.results import ADDRESS, MANIFEST, RESULTS, read_manifest, sha256_of
 from segar.errors import SegarError
+from segar.support import ADDRESS, MANIFEST, RESULTS, read_manifest, sha256_of
 
 FILES = {"benchmark/mine/a-v1-s2.npz": b"weights", "standard/report.html": b"<p>page</p>"}
 
@@ -27,7 +27,9 @@ def published(tmp_path):
 @pytest.fixture
 def folder(published, tmp_path, monkeypatch):
     """A folder of results with a manifest and none of its files, beside an address that is a folder."""
-    lines = [f"{name},{len(FILES[name])},{sha256_of(published / name)},make {name}\n" for name in FILES]
+    lines = [
+        f"{name},{len(FILES[name])},{sha256_of(published / name, 'file', SegarError)},make {name}\n" for name in FILES
+    ]
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / MANIFEST).write_text("path,bytes,sha256,made_by\n" + "".join(lines))
     monkeypatch.setenv(ADDRESS, published.as_uri())

@@ -1,0 +1,102 @@
+"""Files of ``docs/results`` that are published and not in git: the manifest that names them, and how they are fetched."""
+
+import csv
+import os
+import shutil
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlsplit
+from urllib.request import url2pathname
+
+from segar.errors import SegarError
+from segar.support.imports import need
+from segar.support.reading import sha256_of
+
+ADDRESS = "SEGAR_RESULTS_URL"
+RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results"  # of a checkout
+MANIFEST = "manifest.csv"
+COLUMNS = ("path", "bytes", "sha256", "made_by")
+
+
+@dataclass(frozen=True)
+class Published:
+    """A published file.
+
+    Attributes:
+        path: relative to the folder of results. bytes, sha256: of its content.
+        made_by: the command that makes it again.
+    """
+
+    path: str
+    bytes: int
+    sha256: str
+    made_by: str
+
+    def is_in(self, folder: Path) -> bool:
+        """Whether the folder has the file; raises :class:`SegarError` if it has another file of that name."""
+        path = folder / self.path
+        if not path.exists():
+            return False
+        if path.stat().st_size != self.bytes or sha256_of(path, "published file", SegarError) != self.sha256:
+            raise SegarError(
+                f"{path} is another file than the published one, {MANIFEST} says; move it away to fetch that"
+            )
+        return True
+
+
+def read_manifest(folder: Path) -> list[Published]:
+    """The published files of a folder of results; raises :class:`SegarError` where its manifest is missing or misshapen."""
+    path = folder / MANIFEST
+    try:
+        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines(), strict=True))
+    except OSError as error:
+        raise SegarError(
+            f"there is no {path}: name a folder of results (--folder), or run this in a checkout"
+        ) from error
+    for number, row in enumerate(rows, 2):
+        inside = (folder / str(row.get("path"))).resolve().is_relative_to(folder.resolve())
+        if tuple(row) != COLUMNS or None in row.values() or not row["bytes"].isdigit() or not inside:
+            raise SegarError(f"{path}, line {number}: it must have {', '.join(COLUMNS)}, and a path in the folder")
+    return [Published(**{**row, "bytes": int(row["bytes"])}) for row in rows]
+
+
+def fetch_published(one: Published, folder: Path) -> None:
+    """Fetch one file from the address in ``SEGAR_RESULTS_URL``. It stands in the folder when it is whole and has its hash, and
+    else nothing does.
+
+    Raises:
+        SegarError: there is no address, nothing can be got from there, or what came is another file.
+    """
+    again, address = f"this makes the file again: {one.made_by}", os.environ.get(ADDRESS, "")
+    if urlsplit(address).scheme not in ("http", "https", "file"):
+        stated = f"'{address}' is none" if address else "it is not set"
+        raise SegarError(
+            f"{ADDRESS} must be the address of the published files, http(s)://... or file:///folder; {stated}. For {one.path},"
+            f" {again}"
+        )
+    need("fetching", "pooch")
+    import pooch
+
+    pooch.get_logger().setLevel("WARNING")
+    url, target = f"{address.rstrip('/')}/{quote(one.path)}", folder / one.path
+    downloader: Any = copy_from_disk if urlsplit(url).scheme == "file" else pooch.HTTPDownloader(timeout=60)
+    with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as beside:
+        try:
+            pooch.retrieve(url, f"sha256:{one.sha256}", target.name, beside, downloader=downloader)
+        except OSError as error:  # those of requests are such, too
+            raise SegarError(f"{url} cannot be got ({error}). For {one.path}, {again}") from error
+        except ValueError as error:
+            raise SegarError(
+                f"{url} is not the published file: its SHA-256 is not {one.sha256}; nothing is kept"
+            ) from error
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(Path(beside) / target.name, target)
+    print(f"{one.path}: {one.bytes:,} bytes", file=sys.stderr, flush=True)
+
+
+def copy_from_disk(url: str, output_file: str, _: object) -> None:
+    """Pooch's downloader of file:// addresses."""
+    shutil.copyfile(url2pathname(urlsplit(url).path), output_file)
