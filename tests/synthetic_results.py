@@ -105,8 +105,10 @@ def probe_rows(rng: np.random.Generator, runs: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for run, probe, levels in product(runs["run"], ("paper", "jsd"), ("train", "test")):
         value = 0.7 + 0.05 * (levels == "train") + 0.03 * rng.normal()
-        row = {"run": run, "levels": levels, "representation": "trained", "factor": "all", "probe": probe}
-        rows.append(row | {"quantity": "accuracy", "estimate": value, "low": value, "high": value, "n": 5, "p": 0.01})
+        row = {"run": run, "levels": levels, "representation": "trained", "factor": "all", "probe": probe, "units": 5}
+        rows.append(
+            row | {"quantity": "accuracy", "estimate": value, "low": value - 0.01, "high": value + 0.01, "p": 0.01}
+        )
     return pd.DataFrame(rows)
 
 

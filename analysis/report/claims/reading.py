@@ -3,7 +3,16 @@
 import dataclasses
 from collections.abc import Mapping
 
-from segar.analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding, with_holm
+from segar.analysis.report.claims.claim import (
+    ALL_RUNS,
+    LEARNED,
+    METRIC_2022,
+    METRIC_OURS,
+    OF_PAPER,
+    Claim,
+    Finding,
+    with_holm,
+)
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.claims.planned import planned_of
 from segar.analysis.report.claims.rows import ROWS
@@ -33,6 +42,7 @@ def claim_of(name: str, evidence: Evidence, survives: bool) -> Claim:
         (*leading, *of_all),
         note=words.get("note", ""),
         of=words.get("of", OF_PAPER),
+        runs=words.get("runs", LEARNED),
         planned=planned_of(name, evidence),
     )
 

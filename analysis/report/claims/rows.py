@@ -4,19 +4,21 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.claims.statements import METRICS
 from segar.analysis.report.results import ETA, LESS_REGRET, MEMORY, SUCCESS, Results, less_partner
 from segar.analysis.report.rules import WHOLE
 from segar.analysis.studies.w2 import TEST_LEVELS
-from segar.analysis.tables import column, count_of, keep, pick, select
+from segar.analysis.tables import column, count_of, keep, mean_by, pick, select
 
 CONTROL = "nuisance_only"  # a design that is one level many times
 PAPER_AGENT = "paper_agent"
 # The accuracy of the critic as in 2022, and with its marginal, its alignment and its held-out pairs put right.
 PROBES, GAPS = ({settings: of[name] for settings, of in METRICS.items()} for name in ("probe", "gap"))
 LEVELS = ("train", "test")
+COORDINATES = r"(golfball|goal)\.Position\."  # of factors that were probed
 ACCURACIES = ("accuracy_train", "accuracy_test")
 PPO, AS_MANY_STEPS, SAC = "PPO", "as many steps", "SAC"
 OF_SET = ("family", "difficulty", "n", "seed", "design")
@@ -64,24 +66,41 @@ def self_supervised(evidence: Evidence) -> pd.DataFrame:
     runs = evidence.results.of("figure_5a")
     names = list(map(str, runs["algorithm"]))
     kinds = [PPO if is_plain_ppo(one) else AS_MANY_STEPS if one.endswith("_epochs") else one for one in names]
-    return with_auxiliary(runs).assign(compared=kinds)
-
-
-def self_supervised_probes(evidence: Evidence) -> pd.DataFrame:
-    """The accuracies of these agents."""
-    found = accuracies(evidence.results, evidence.results.of("figure_5a"))
-    return with_auxiliary(found) if len(found) else found
-
-
-def with_auxiliary(runs: pd.DataFrame) -> pd.DataFrame:
-    """The runs with ``auxiliary``: the algorithm, if it has a self-supervised loss."""
-    return runs.assign(auxiliary=[name if name in auxiliary(runs) else "" for name in map(str, runs["algorithm"])])
+    return runs.assign(auxiliary=[name if name in auxiliary(runs) else "" for name in names], compared=kinds)
 
 
 def probes_with_masses(evidence: Evidence) -> pd.DataFrame:
     """The accuracies of the appendix's agents without a memory."""
     masses = evidence.results.masses
     return accuracies(evidence.results, keep(masses, masses["past"] != MEMORY))
+
+
+def single_factors(evidence: Evidence) -> pd.DataFrame:
+    """The main grid with ``coordinates``, the mean share of the variance of the ball's and the goal's coordinates that ridge
+    regression explains from the representation on test levels; a share is 0 where it is negative."""
+    probes = evidence.results.probes
+    if probes.empty:
+        return probes
+    asked = select(probes, representation="trained", probe="ridge", quantity="r2", levels="test")
+    asked = keep(asked, asked["factor"].str.match(COORDINATES))
+    known = mean_by(asked.assign(coordinates=column(asked, "estimate").clip(0)), ["run"], ["coordinates"])
+    return evidence.main.merge(known, on="run")
+
+
+def replicated_probes(evidence: Evidence) -> pd.DataFrame:
+    """The accuracies of the main grid with ``replicate_part``: the variance of one estimate between the critics of an agent, in
+    parts of the variance of one estimate among agents of one cell, which is averaged over a family."""
+    found, table = probes(evidence), evidence.results.probes
+    if found.empty:
+        return found
+    asked = select(table, representation="trained", quantity="accuracy", factor="all", levels="test")
+    number = column(asked, "units")
+    of_mean = ((column(asked, "high") - column(asked, "low")) / 2 / stats.t.ppf(0.975, number - 1)) ** 2
+    asked = pick(asked, ["run", "probe"]).assign(within=number * of_mean, of_mean=of_mean)
+    found = found.merge(asked, on=["run", "probe"])
+    of_means = found.groupby(["probe", "cell"])["accuracy_test"].transform("var")
+    found = found.assign(of_one=of_means - found["of_mean"] + found["within"])
+    return found.assign(replicate_part=found["within"] / found.groupby(["probe", "family"])["of_one"].transform("mean"))
 
 
 def matched_states(evidence: Evidence) -> pd.DataFrame:
@@ -122,6 +141,13 @@ def distances_of_empty(evidence: Evidence) -> pd.DataFrame:
     table = keep(table, inside)
     n = column(table, "n")
     return table.assign(log_ks=np.log(column(table, "ks")), log_effective_n=np.log(n * TEST_LEVELS / (n + TEST_LEVELS)))
+
+
+def conditional_rewards(evidence: Evidence) -> pd.DataFrame:
+    """The runs with ``conditions``, the number of conditions on the reward."""
+    runs = evidence.results.of("hardness")
+    number = runs["task"].astype(str).str.extract(r"conditions=(\d+)")[0].astype(float)
+    return keep(runs.assign(conditions=number), number.notna())
 
 
 def all_rule_set_runs(evidence: Evidence) -> pd.DataFrame:
@@ -205,7 +231,12 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "harder levels": harder_levels,
     "probes": probes,
     "self-supervised agents": self_supervised,
-    "probes of self-supervised agents": self_supervised_probes,
+    "probes of self-supervised agents": lambda evidence: accuracies(evidence.results, self_supervised(evidence)),
+    "probes of single factors": single_factors,
+    "replicated probes": replicated_probes,
+    "main grid from states": lambda evidence: evidence.results.of("upper_bound"),
+    "other looks": lambda evidence: evidence.results.other_looks,
+    "conditions on the reward": conditional_rewards,
     "masses": lambda evidence: evidence.results.masses,
     "probes with masses": probes_with_masses,
     "SAC": soft_actor_critic,

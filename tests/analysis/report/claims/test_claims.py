@@ -21,6 +21,7 @@ from segar.analysis.report.document.blocks import FINDING_HEAD, finding_rows
 from segar.analysis.report.number_format import NONE
 from segar.analysis.report.results import read_results
 from segar.analysis.report.rules import WHOLE
+from segar.analysis.stats.estimate import mean_of_replicates
 from segar.analysis.stats.prediction import left_out
 from tests.synthetic_results import everything, player_rows, run_rows, write_players, write_results
 
@@ -193,11 +194,50 @@ def test_sample_sizes_and_intervals_stand_beside_every_number(full):
 
 
 def test_what_was_not_run_is_not_testable_and_says_what_it_takes(tmp_path):
-    found = claims_of(tmp_path, {"runs": run_rows(np.random.default_rng(0), "upper_bound", seeds=1)})
+    found = claims_of(tmp_path, {"runs": run_rows(np.random.default_rng(0), "attribution", seeds=1)})
     planned = [claim for claim in found.values() if not claim.untested]
     assert {claim.verdict(METRIC_2022) for claim in planned} == {NOT_TESTABLE}
     assert all("experiments=[" in claim.needs or "probes.parquet" in claim.needs for claim in planned)
     assert all(claim.needs and claim.verdict(METRIC_OURS) in (NOT_YET, NOT_TESTABLE) for claim in found.values())
+
+
+def test_a_verdict_on_single_factors_follows_what_was_planted_of_them(tmp_path):
+    rng = np.random.default_rng(0)
+    runs = run_rows(rng, "figure_3a", seeds=6, families=("empty",), difficulties=("easy", "hard"))
+    known = rng.uniform(0.2, 0.9, len(runs))
+    ridge = {"representation": "trained", "probe": "ridge", "quantity": "r2", "levels": "test"}
+    probes = pd.DataFrame({"run": runs["run"], "factor": "goal.Position.x", "estimate": known, **ridge})
+    others = probes.assign(factor="golfball.Velocity.x", estimate=0.0)
+    success = 0.4 + 0.5 * known + 0.05 * rng.uniform(size=len(runs))
+    tables = {"runs": runs.assign(success_test_deterministic=success), "probes": pd.concat([probes, others])}
+    assert claims_of(tmp_path / "followed", tables)["4b-factors"].verdict(METRIC_OURS) == SUPPORTED
+    tables["runs"] = runs.assign(success_test_deterministic=rng.uniform(0.5, 1.0, len(runs)))
+    assert claims_of(tmp_path / "nothing", tables)["4b-factors"].verdict(METRIC_OURS) != SUPPORTED
+
+
+@pytest.mark.parametrize(("within", "verdict"), [(3.0, SUPPORTED), (0.2, NOT_SUPPORTED)])
+def test_an_estimator_is_noisy_where_its_replicates_differ_more_than_agents_do(tmp_path, within, verdict):
+    rng = np.random.default_rng(0)
+    runs = run_rows(rng, "figure_3a", seeds=20, families=("empty",), difficulties=("easy", "hard"))
+    true = rng.normal(size=(len(runs), 1)) + within * rng.normal(size=(len(runs), 5))
+    found = [mean_of_replicates(values) for values in true]
+    rows = [
+        {
+            "run": run,
+            "levels": levels,
+            "representation": "trained",
+            "factor": "all",
+            "probe": "jsd",
+            "quantity": "accuracy",
+        }
+        | {"units": one.n, "estimate": one.estimate, "low": one.low, "high": one.high}
+        for run, one in zip(runs["run"], found, strict=True)
+        for levels in ("train", "test")
+    ]
+    claim = claims_of(tmp_path, {"runs": runs, "probes": pd.DataFrame(rows)})["5a-variance"]
+    assert claim.verdict(METRIC_OURS) == verdict
+    (one,) = claim.tests(METRIC_OURS)
+    assert one.found.estimate == pytest.approx(within**2 / (1 + within**2), abs=0.03)
 
 
 def test_a_line_that_holds_in_all_panels_predicts_a_new_one():
@@ -222,7 +262,7 @@ def test_every_claim_has_tests_that_can_be_stated_and_rows_and_every_sentence_a_
         assert words["evidence"] in ROWS
         assert all(one.test in TESTS for settings in METRICS for one in stated(name, settings, values))
         assert set(words) <= {
-            "of", "where", "says", "evidence", "else_needs", "tests", "note", "supported", "not_supported", "undecided",
+            "of", "where", "says", "evidence", "else_needs", "runs", "tests", "note", "supported", "not_supported", "undecided",
         }  # fmt: skip
 
 
