@@ -71,8 +71,13 @@ def self_supervised(evidence: Evidence) -> pd.DataFrame:
 
 def probes_with_masses(evidence: Evidence) -> pd.DataFrame:
     """The accuracies of the appendix's agents without a memory."""
+    return accuracies(evidence.results, masses_without_a_memory(evidence))
+
+
+def masses_without_a_memory(evidence: Evidence) -> pd.DataFrame:
+    """The runs of the appendix's mass and frame stack whose agents have no memory."""
     masses = evidence.results.masses
-    return accuracies(evidence.results, keep(masses, masses["past"] != MEMORY))
+    return keep(masses, masses["past"] != MEMORY)
 
 
 def single_factors(evidence: Evidence) -> pd.DataFrame:
@@ -238,6 +243,7 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "other looks": lambda evidence: evidence.results.other_looks,
     "conditions on the reward": conditional_rewards,
     "masses": lambda evidence: evidence.results.masses,
+    "masses without a memory": masses_without_a_memory,
     "probes with masses": probes_with_masses,
     "SAC": soft_actor_critic,
     "distances without training": distances_of_empty,
