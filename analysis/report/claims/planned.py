@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -12,7 +12,7 @@ from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.claims.rows import ROWS
 from segar.analysis.report.claims.statements import METRICS, STATEMENTS, stated
 from segar.analysis.report.claims.tests import restricted
-from segar.analysis.report.results import HARDER
+from segar.analysis.report.results import HARDER, Results
 from segar.analysis.tables import column, keep
 
 # What the name of a run tells (experiments/settings/run.py), and the test that a reason names.
@@ -35,8 +35,17 @@ def planned_of(name: str, evidence: Evidence) -> Planned:
     both = pd.concat([there, lacking]) if len(there) else there  # a family may be missing whole
     tests = [one.where for settings in METRICS for one in stated(name, settings, both)] if len(both) else [{}]
     present, missing = (runs_of(table, tests) for table in (there, lacking))
-    hours = float(column(there, "hours").mean()) if len(there) and "hours" in there else math.nan
-    return Planned(len(present | missing), len(present - missing), hours)
+    return Planned(
+        len(present | missing), len(present - missing), hours_of_one(evidence.all_results, STATEMENTS["planned"][of])
+    )
+
+
+def hours_of_one(results: Results, experiments: Iterable[str]) -> float:
+    """The mean hours of the runs of some experiments that are there, else what one is thought to take; NaN where nothing is."""
+    runs = results.of(*experiments)
+    if len(runs) and "hours" in runs:
+        return float(column(runs, "hours").mean())
+    return max((STATEMENTS["hours"].get(name, math.nan) for name in experiments), default=math.nan)
 
 
 def missing_for(evidence: Evidence, of: str) -> pd.DataFrame:

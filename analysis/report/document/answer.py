@@ -67,4 +67,4 @@ def leading(claim: Claim, settings: str) -> Finding | None:
 
 def number(one: Finding) -> str:
     """An estimate with its interval and what it rests on."""
-    return estimate_text(one.found, "r" if is_correlation(one.measure) else "difference")
+    return estimate_text(one.found, "r" if is_correlation(one.measure) else one.measure.removeprefix("mean "))

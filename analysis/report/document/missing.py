@@ -1,9 +1,9 @@
 """What was planned and is not in the tables, with what it would cost."""
 
 from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.planned import hours_of_one
 from segar.analysis.report.document.blocks import Block, Heading, Paragraph, Table
 from segar.analysis.report.number_format import plain
-from segar.analysis.tables import column, keep
 
 MOST_NAMED = 8  # where experiments have no names
 
@@ -20,9 +20,11 @@ def what_is_missing(evidence: Evidence) -> list[Block]:
         return [Paragraph(said + (" and others." if len(missing) > MOST_NAMED else "."), "warning")]
     rows = []
     for name, title, runs, tests in by_experiment:
-        there = keep(results.runs, [name in str(names).split() for names in results.runs["experiments"]])
-        hours = runs * float(column(there, "hours").mean()) if len(there) and "hours" in there else float("nan")
-        rows.append([f"`{name}`", title, f"{runs}", f"{tests}", plain(hours, 1) if runs else ""])
+        hours = plain(runs * hours_of_one(results, [name]), 1) if runs else ""
+        rows.append([f"`{name}`", title, f"{runs}", f"{tests}", hours])
     head = ("experiment", "what it is about", "missing runs", "runs that lack tests or probes", "hours on one core")
-    caption = "Each is named in `missing.csv`. Hours: of training and evaluation, as runs of it took that are there."
+    caption = (
+        "Each is named in `missing.csv`. Hours: of training and evaluation, as runs of it took that are there, or those of an "
+        "earlier plan."
+    )
     return [Heading("What is missing"), Table(head, rows, 2, caption)]
