@@ -8,6 +8,16 @@ import pytest
 
 from tests.segar.playground.browsers import ADVICE, PROGRAMS, Browser, Chromium, program, started
 
+OPEN: list[Browser] = []
+
+
+@pytest.fixture(autouse=True)
+def leave_no_page_at_work() -> Iterator[None]:
+    """A page that nobody looks at would go on drawing beside the next tests."""
+    yield
+    for browser in OPEN:
+        browser.visit("about:blank")
+
 
 @pytest.fixture(scope="session", params=tuple(PROGRAMS))
 def browser(request: pytest.FixtureRequest) -> Iterator[Browser]:
@@ -31,4 +41,6 @@ def _browser(name: str) -> Iterator[Browser]:
         said = f"{name} is not installed: {ADVICE}"
         pytest.fail(said) if os.environ.get("SEGAR_BROWSERS") == "required" else pytest.skip(said)
     with started(name) as found:
+        OPEN.append(found)
         yield found
+        OPEN.remove(found)

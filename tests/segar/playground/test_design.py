@@ -70,6 +70,9 @@ class Hour(Parameter, default=0.0, period=24.0):
     """The time of the day."""
 
 
+STILL = segar.World(rules=(segar.rules.move,))  # what rules do is not the point, and few are compiled sooner
+
+
 def family(name: str, n: int, split: str = "train") -> Levels:
     return segar.family(name).sample(n, seed=4, split=split)
 
@@ -85,7 +88,7 @@ def own(seed: int, n: int, parameters: tuple[type[Parameter], ...], *rest: Calla
     levels = [
         [GolfBall(), GoalTile(), *(owl() for _ in range(rng.integers(4))), *(make() for make in rest)] for _ in range(n)
     ]
-    return Levels.from_entities(levels, {one: rng.normal(0.0, 9.0, n) for one in parameters})
+    return Levels.from_entities(levels, {one: rng.normal(0.0, 9.0, n) for one in parameters}, world=STILL)
 
 
 def hull(radius: float) -> Tile:
@@ -109,7 +112,7 @@ SLOW = {"hulls"}
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in SLOW else ()) for n in PAIRS])
 def test_w2_and_ks_with_their_parts_are_those_of_python(name: str, browser: Browser, tmp_path: Path) -> None:
     a, b = PAIRS[name]()
-    make_playground(a, b).save(tmp_path / "page.html")
+    make_playground(a, b, observations=["state"]).save(tmp_path / "page.html")
     browser.open(tmp_path / "page.html")
     agree(browser.run(MEASURE), a, b, same_plan=True)
 
@@ -212,7 +215,7 @@ def test_a_level_that_is_changed_counts_at_once_and_undo_brings_the_distance_bac
 
 def test_things_that_are_taken_away_and_other_worlds_count(chromium: Chromium, tmp_path: Path) -> None:
     a, b = PAIRS["other layouts, periods and own parameters"]()
-    make_playground(a, b).save(tmp_path / "page.html")
+    make_playground(a, b, observations=["state"]).save(tmp_path / "page.html")
     chromium.open(tmp_path / "page.html")
     first = measured(chromium)
     level, slot = next((k, e) for k, e in np.argwhere(a.types >= 0).tolist() if a.layout.slots[e].optional)
