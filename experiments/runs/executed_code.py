@@ -20,7 +20,7 @@ from segar.engine import generate
 from segar.envs import world_of
 from segar.experiments.levels.builders import LevelFile, Prepared, observation_seen
 from segar.experiments.runs.own_files import digest_executed, file_digest, own_files
-from segar.experiments.runs.own_modules import find_file, modules_named, modules_reached
+from segar.experiments.runs.own_modules import OURS, find_file, modules_named, modules_reached
 from segar.experiments.runs.run_folder import read_versions
 from segar.experiments.runs.source_text import executed, normalised
 from segar.experiments.settings import RunConfig, UniformConfig, as_data, flat
@@ -121,7 +121,11 @@ def differing_parts(before: Mapping[str, str], now: Mapping[str, str]) -> list[s
 
 
 def fingerprint(module: str) -> str:
-    """Sixteen hexadecimal digits over ``module`` and all modules that it reaches."""
+    """Sixteen hexadecimal digits over ``module`` and all modules that it reaches; of one of ours, those of the first call."""
+    return _of_ours(module) if module.startswith(f"{OURS}.") else _of_modules(module)
+
+
+def _of_modules(module: str) -> str:
     return _digest(normalised(executed(path)) for _, path in sorted(modules_reached(module).items()))
 
 
@@ -150,6 +154,9 @@ def _content_now(name: str) -> str:
     """The fingerprint of what is in a file now; empty where there is none."""
     path = find_file(name)
     return "" if path is None else file_digest(path)
+
+
+_of_ours = cache(_of_modules)  # what is executed of the library stays while a process runs
 
 
 @cache

@@ -11,9 +11,11 @@ import inspect
 import re
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cached_property, lru_cache
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -85,13 +87,56 @@ class KernelSource:
 
 
 def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunctions) -> KernelSource:
-    """The kernel of a world on a layout.
+    """The kernel of a world on a layout; what was asked before is not written again.
 
     Raises:
         RuleError: a rule or the task needs a parameter, an entity or a factor that the layout cannot serve.
         ConflictError: two rules always contradict each other.
     """
-    builder, text = _Builder(layout, world, task), _geometry_text()
+    return _written(_Asked(layout, world, task))
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What a kernel is written of. Functions of a task are traced anew each time, since what they read may have changed; those
+    that became the same are alike."""
+
+    layout: Layout
+    world: language.WorldRules
+    task: language.TaskFunctions
+
+    @cached_property
+    def key(self) -> tuple[Any, ...]:
+        functions = (self.task.act, self.task.reward, self.task.terminated, self.task.success, self.task.death)
+        task = tuple(tuple(map(_meaning, several)) for several in functions)
+        return self.layout, self.world, task, self.task.action_low, self.task.action_high
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Asked) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+
+def _meaning(rule: Rule) -> tuple[Any, ...]:
+    """All of a rule that its source and its errors depend on. Equal symbols are one object while somebody holds one."""
+    symbols = tuple(id(part) for part in _parts(rule.tree))
+    return rule.where, rule.signature, symbols, rule.relation, rule.priority, rule.recheck, rule.active
+
+
+def _parts(tree: language.Tree) -> Iterator[Any]:
+    """The symbols of a tree, and in which places they stand."""
+    if isinstance(tree, language.Branch):
+        yield from (tree.condition, language.Branch, *_parts(tree.yes), language.Leaf, *_parts(tree.no))
+    else:
+        yield tree.value
+        for effect in tree.effects:
+            yield from (effect.kind, effect.argument, effect.factor, *effect.components)
+
+
+@lru_cache(maxsize=64)
+def _written(asked: _Asked) -> KernelSource:
+    builder, text = _Builder(asked.layout, asked.world, asked.task), _geometry_text()
     functions = builder.functions()
     shared = "\n".join([IMPORTS, builder.constants(), text])
     names = ", ".join(re.findall(r"^(?:def )?(\w+)(?= = |\()", text, re.M))

@@ -8,7 +8,7 @@ from segar.experiments.algorithms.learner import learner_class, make_learner
 from segar.experiments.evaluation.episodes import play_episodes
 from segar.experiments.settings import PPOConfig, SACConfig
 
-LEVELS = segar.family("empty-easy").sample(2, seed=0)
+LEVELS = segar.family("empty-easy").with_rules(()).sample(2, seed=0)
 LOW, HIGH, STEPS = -3.0, 7.0, 5
 FAST = {"num_envs": 16, "num_steps": 16, "epochs": 4, "minibatches": 4, "gamma": 0.0, "learning_rate": 3e-3}
 OFF_POLICY = {"num_envs": 4, "num_steps": 8, "warmup": 64, "batch_size": 32, "capacity": 4000, "gamma": 0.0}

@@ -13,7 +13,7 @@ from segar.experiments.algorithms.spr import SPR, sequences
 from segar.experiments.collection.collector import Rollout
 from segar.experiments.settings import ConfigError, CURLConfig, SPRConfig
 
-LEVELS = family("objectsx2-easy").sample(5, seed=0)  # frames differ more than those of empty tasks
+LEVELS = family("objectsx1-easy").sample(5, seed=0)  # frames differ more than those of empty tasks
 SMALL = {
     "num_envs": 3,
     "num_steps": 12,

@@ -12,7 +12,7 @@ from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.settings import ConfigError, DrACConfig, PPOConfig
 from segar.experiments.settings.algorithms import AUGMENTATIONS as NAMES
 
-LEVELS = family("objectsx2-easy").sample(5, seed=0)
+LEVELS = family("objectsx1-easy").sample(5, seed=0)
 SMALL = {
     "num_envs": 4,
     "num_steps": 16,

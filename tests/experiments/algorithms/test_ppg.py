@@ -11,7 +11,7 @@ from segar.experiments.algorithms.ppg import PPG, auxiliary_losses, mean_of_roll
 from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.settings import ConfigError, PPGConfig
 
-LEVELS = family("objectsx2-easy").sample(5, seed=0)
+LEVELS = family("objectsx1-easy").sample(5, seed=0)
 CONFIG = PPGConfig(
     num_envs=8, num_steps=16, minibatches=2, widths=(32,), head_width=0, phase=3, auxiliary_minibatches=2,
     learning_rate=1e-3, auxiliary_learning_rate=1e-3, gamma=0.9, reward_transform="sqrt", clip_value=None,

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from functools import cache
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -57,21 +58,24 @@ LIMITED = {
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    """The folders of short runs."""
+    """The folder of the short run of a name, which is trained when it is first asked for."""
     root = tmp_path_factory.mktemp("runs")
-    folders = {}
-    for name, (algorithm, observation) in RUNS.items():
+
+    @cache
+    def folder(name):
+        algorithm, observation = RUNS[name]
         levels = LevelsConfig("objectsx1-easy", count=3, test_count=4)
         scale = ScaleConfig(frames=256 if isinstance(algorithm, PPOConfig) else 96)
         config = short_run(root / name, levels=levels, observation=observation, algorithm=algorithm, scale=scale)
-        folders[name] = run(config, say=lambda line: None).folder
-    return folders
+        return run(config, say=lambda line: None).folder
+
+    return folder
 
 
 def test_a_portable_evaluation_says_so_and_leaves_the_network_that_played(trained):
     said = []
-    by_torch = evaluate(EvaluateConfig(str(trained["ppo"]), **QUICK), lambda line: None)
-    found = evaluate(EvaluateConfig(str(trained["ppo"]), portable=True, **QUICK), said.append)
+    by_torch = evaluate(EvaluateConfig(str(trained("ppo")), **QUICK), lambda line: None)
+    found = evaluate(EvaluateConfig(str(trained("ppo")), portable=True, **QUICK), said.append)
     assert found.folder.name == "test-n4-portable" != by_torch.folder.name
     assert "on its own 4 test levels (portable):" in said[0]
     assert (found.summary["portable"], by_torch.summary["portable"]) == (True, False)
@@ -85,20 +89,20 @@ def test_a_portable_evaluation_says_so_and_leaves_the_network_that_played(traine
     alone = evaluate_policy(NetworkPolicy(network, unit_actions=True), levels, levels, unit_actions=True)
     returns = [row["return"] for row in found.episodes if row["action_mode"] == "deterministic"]
     assert alone.test.of_levels("return").tolist() == returns
-    again = EvaluateConfig(str(trained["ppo"]), out=str(found.folder), **QUICK)
+    again = EvaluateConfig(str(trained("ppo")), out=str(found.folder), **QUICK)
     assert not (evaluate(again, lambda line: None).folder / "network.npz").exists()
 
 
 def test_threads_and_batches_change_nothing(trained, monkeypatch):
     from segar.evaluation import episodes
 
-    config = EvaluateConfig(str(trained["keypoints"]), portable=True, n=4, **QUICK)
+    config = EvaluateConfig(str(trained("keypoints")), portable=True, n=4, **QUICK)
     whole = evaluate(config, lambda line: None).episodes
-    threads = EvaluateConfig(str(trained["keypoints"]), portable=True, n=4, num_threads=2, **QUICK)
+    threads = EvaluateConfig(str(trained("keypoints")), portable=True, n=4, num_threads=2, **QUICK)
     assert evaluate(threads, lambda line: None).episodes == whole
-    policy = PortableAgent(Network.load(trained["keypoints"] / "evaluations" / "test-n4-portable" / "network.npz"), 1)
-    levels = segar.Levels.load(trained["keypoints"] / "levels_test.npz")
-    options = environment_options(read_config(trained["keypoints"]))
+    policy = PortableAgent(Network.load(trained("keypoints") / "evaluations" / "test-n4-portable" / "network.npz"), 1)
+    levels = segar.Levels.load(trained("keypoints") / "levels_test.npz")
+    options = environment_options(read_config(trained("keypoints")))
     monkeypatch.setattr(episodes, "BATCH", 3)
     rows = play_episodes(policy, levels, np.arange(4), options, rng=None, seed=0)
     assert [row["return"] for row in rows] == [row["return"] for row in whole if row["action_mode"] == "deterministic"]
@@ -116,7 +120,7 @@ def hashes(trained, name, folder, **limits):
         "-m",
         "tests.experiments.evaluation.portable_evaluation",
         name,
-        *map(str, trained.values()),
+        *(str(trained(one)) for one in RUNS),
     ]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=WORKSPACE)
     assert done.returncode == 0, done.stderr

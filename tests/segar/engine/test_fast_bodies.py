@@ -47,7 +47,7 @@ def reached(ball: segar.GolfBall, goal: segar.GoalTile) -> bool:
 def simulator():
     """Compiled once for all levels; its task ends where the ball is on the goal."""
     task = segar.Task("touch", act=push, terminated=reached)
-    return Simulator(segar.World(), level((0.2, 0.2), 10.0).layout, task)
+    return Simulator(segar.World((segar.move,)), level((0.2, 0.2), 10.0).layout, task)
 
 
 def rate_of(levels):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import segar
+from segar.engine.compiler import kernel
 from segar.engine.compiler.kernel import MANY_BODIES
 from segar.engine.compiler.sparse_pairs import MANY_PARTNERS
 from segar.engine.simulator import State
@@ -56,8 +57,9 @@ def test_kernel_and_interpreter_agree_on_crowds(speed):
 def test_sorted_bodies_meet_as_unsorted_ones_do(monkeypatch):
     """The same crowd with the sweep and with all pairs compared: equal to the bit."""
     levels, ends = crowd(BODIES, np.random.default_rng(2)), []
+    monkeypatch.setattr(kernel, "_written", kernel._written.__wrapped__)
     for many in (MANY_BODIES, 1000):
-        monkeypatch.setattr("segar.engine.compiler.kernel.MANY_BODIES", many)
+        monkeypatch.setattr(kernel, "MANY_BODIES", many)
         simulator, state = uncompiled(World(), levels.layout), start(levels)
         simulator.step(state, levels, 8)
         ends.append(state)

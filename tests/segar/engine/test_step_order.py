@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import segar
+from segar.engine.compiler import kernel
 from segar.engine.compiler.kernel import stage_source
 from segar.language import SUB_STEP, Operation, rule
 from segar.language.effects import Differential, SetFactor
@@ -51,6 +52,7 @@ def test_the_interpreter_reports_rules_in_the_order_of_the_stages():
 @pytest.mark.parametrize("turned", [False, True])
 def test_kernel_and_interpreter_follow_the_declared_order(monkeypatch, turned):
     order = (SUB_STEP[1], SUB_STEP[0], *SUB_STEP[2:]) if turned else SUB_STEP
+    monkeypatch.setattr(kernel, "_written", kernel._written.__wrapped__)
     for module in ("engine.compiler.kernel", "language"):
         monkeypatch.setattr(f"segar.{module}.SUB_STEP", order)
     start = levels()

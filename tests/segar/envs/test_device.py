@@ -38,7 +38,7 @@ def stub(request, monkeypatch) -> StubDriver | None:
 
 @pytest.fixture(scope="module")
 def levels() -> Any:
-    return segar.family("objectsx3-hard").sample(7, seed=0)
+    return segar.family("objectsx1-hard").sample(7, seed=0)
 
 
 def actions_of(seed: int, steps: int, high: float = 1.2) -> np.ndarray:
@@ -159,7 +159,7 @@ def test_masks_levels_and_unit_actions_are_those_of_the_processor(stub, levels, 
     assert same(host.reset(seed=8)[0], device.reset(seed=8)[0])
 
 
-@pytest.mark.parametrize("name", ["rgb", "stack"])
+@pytest.mark.parametrize("name", [pytest.param("rgb", marks=pytest.mark.slow), "stack"])
 def test_snapshots_go_from_one_to_the_other(stub, levels, name):
     observation = OBSERVATIONS[name]
     host, device = (
@@ -206,7 +206,7 @@ def test_torchrl_environments_are_those_of_the_processor(stub, levels):
     assert all(torch.equal(part, device.restore(later)[key].cpu()) for key, part in host.restore(later).items())
 
 
-@pytest.mark.parametrize("name", ["state", "stack"])
+@pytest.mark.parametrize("name", [pytest.param("state", marks=pytest.mark.slow), "stack"])
 def test_interventions_are_those_of_the_processor(stub, levels, name):
     options: dict[str, Any] = {"seed": 1, "observation": OBSERVATIONS[name]}
     host, device = VectorEnv(levels, N, **options), VectorEnv(levels, N, device="cuda", **options)

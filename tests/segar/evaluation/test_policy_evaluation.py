@@ -14,7 +14,7 @@ from segar.experiments.evaluation.episodes import distance_figures, evaluate_run
 from segar.experiments.levels.builders import Prepared, environment_options
 from segar.experiments.settings import EvaluationConfig, RunConfig, TaskConfig
 
-TRAIN, TEST = (segar.family("tilesx2-medium").sample(8, seed=3, split=split) for split in ("train", "test"))
+TRAIN, TEST = (segar.family("tilesx1-medium").sample(8, seed=3, split=split) for split in ("train", "test"))
 
 
 class Linear:

@@ -9,7 +9,7 @@ import segar
 from segar.errors import ActionError, SegarError
 from segar.evaluation import RecordedActions, evaluate_levels, record_actions
 
-LEVELS = segar.family("tilesx2-medium").sample(7, seed=3)
+LEVELS = segar.family("tilesx1-medium").sample(7, seed=3)
 WIDE = dataclasses.replace(segar.puttputt(), action_low=(-2.0, -2.0), action_high=(5.0, 5.0), max_steps=20)
 TASK = {"task": WIDE}
 

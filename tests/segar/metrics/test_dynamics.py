@@ -143,7 +143,7 @@ def test_twice_the_gravity_doubles_what_friction_takes():
 
 
 def test_distances_of_rule_sets_keep_the_laws_of_a_metric():
-    dist = segar.family("objectsx1-hard").with_rules(dynamics_space())
+    dist = segar.family("empty-hard").with_rules(dynamics_space())
     levels = dist.sample(40, seed=0)
     there = make_situations(dist.sample(6, seed=0, split="situations"), rng=np.random.default_rng(0))
     d = rule_set_distances(levels, levels, there)
@@ -156,7 +156,7 @@ def test_distances_of_rule_sets_keep_the_laws_of_a_metric():
 
 
 def test_the_parts_of_a_distance_add_up():
-    dist = segar.family("objectsx1-hard").with_rules(dynamics_space())
+    dist = segar.family("empty-hard").with_rules(dynamics_space())
     levels = dist.sample(2, seed=1)
     there = make_situations(dist.sample(6, seed=0, split="situations"), rng=np.random.default_rng(0), horizons=[1, 3])
     found = dynamics_distance(levels[0], levels[1], there)
@@ -168,7 +168,7 @@ def test_the_parts_of_a_distance_add_up():
 
 
 def test_outcomes_do_not_depend_on_the_batch_or_on_threads():
-    dist = segar.family("objectsx1-hard").with_rules(dynamics_space())
+    dist = segar.family("empty-hard").with_rules(dynamics_space())
     levels, states = dist.sample(30, seed=0), dist.sample(7, seed=0, split="situations")
     one, two = (make_situations(states, rng=np.random.default_rng(0), num_threads=k) for k in (1, 2))
     together, alone = two.outcomes(levels), one.outcomes(levels[4])

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.segar.playground.browsers import ADVICE, PROGRAMS, Browser, Chromium, program, started
+from tests.segar.playground.browsers import ADVICE, Browser, Chromium, program, started
 
 OPEN: list[Browser] = []
 
@@ -19,13 +19,10 @@ def leave_no_page_at_work() -> Iterator[None]:
         browser.visit("about:blank")
 
 
-@pytest.fixture(scope="session", params=tuple(PROGRAMS))
-def browser(request: pytest.FixtureRequest) -> Iterator[Browser]:
-    """Each browser in turn."""
-    if request.param == "chromium":
-        yield request.getfixturevalue("chromium")
-    else:
-        yield from _browser(request.param)
+@pytest.fixture(scope="session", params=["chromium", pytest.param("firefox", marks=pytest.mark.slow)])
+def browser(request: pytest.FixtureRequest) -> Browser:
+    """Each browser in turn; Firefox only in slow tests, and where a test asks for it by name."""
+    return request.getfixturevalue(request.param)
 
 
 @pytest.fixture(scope="session")
@@ -34,6 +31,12 @@ def chromium() -> Iterator[Chromium]:
     for found in _browser("chromium"):
         assert isinstance(found, Chromium)
         yield found
+
+
+@pytest.fixture(scope="session")
+def firefox() -> Iterator[Browser]:
+    """Firefox, which plays with another compiler."""
+    yield from _browser("firefox")
 
 
 def _browser(name: str) -> Iterator[Browser]:

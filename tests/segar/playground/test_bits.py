@@ -14,12 +14,18 @@ from tests.segar.playground.browsers import Browser
 from tests.segar.playground.twin_page import episodes_of, play_in, play_natively
 
 WORLDS = [*families(), *TASK_LEVELS]
-QUICK = {"objectsx3-hard", "billiards"}
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in WORLDS])
-def test_a_page_plays_to_the_bit(name: str, browser: Browser, tmp_path: Path) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WORLDS)
+def test_a_page_of_each_world_plays_to_the_bit(name: str, browser: Browser, tmp_path: Path) -> None:
     assert_plays_alike(segar.family(name).sample(20, seed=3), ("rgb", "textures"), browser, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["chromium", "firefox"])
+def test_a_page_plays_to_the_bit(name: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    levels = segar.family("objectsx3-hard").sample(20, seed=3)
+    assert_plays_alike(levels, ("rgb", "textures"), request.getfixturevalue(name), tmp_path)
 
 
 def test_own_rules_with_all_functions_and_draws_play_to_the_bit(browser: Browser, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import segar
 from segar.observations import Pixels
 from segar.rendering import View
 
-LEVELS = segar.family("objectsx2-hard").sample(4, seed=0)
+LEVELS = segar.family("objectsx1-hard").sample(4, seed=0)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from segar.errors import ConflictError, RuleError, SegarError
 from segar.language.factors import Velocity
 from segar.levels.level_set import Levels
 from segar.levels.named_families import TASK_LEVELS, families, family
-from segar.rules import DEFAULT_RULES
+from segar.rules import DEFAULT_RULES, move
 from segar.rules.world import World
 from segar.tasks import task_of
 from tests.segar.engine.random_rules import Author, mixed_levels
@@ -137,8 +137,8 @@ def test_ptx_gives_the_bits_of_the_native_kernel_in_worlds_of_random_rules():
 
 
 def test_a_kernel_says_what_it_is():
-    levels = family("objectsx3-hard").sample(3, seed=0)
-    entry = step_entry(World(), levels.layout, task_of(levels), BY_NUMBER)
+    levels = family("empty-hard").sample(3, seed=0)
+    entry = step_entry(World((move,)), levels.layout, task_of(levels), BY_NUMBER)
     first = build_kernel([entry], "ptx").code.decode().splitlines()[0]
     said = json.loads(first.removeprefix(DESCRIPTION))
     values = next(one for one in said["exports"][0]["arguments"] if one[0] == "state_values")
@@ -227,7 +227,7 @@ def test_the_machine_gives_what_was_never_written_a_pattern():
 
 def test_velocities_count_as_state():
     """The comparison would see a difference of one bit."""
-    pair = pair_of(family("objectsx3-hard").sample(3, seed=0))
+    pair = pair_of(family("empty-hard").sample(3, seed=0), World((move,)))
     column = pair.levels.layout.columns[Velocity]
     pair.theirs["state_values"][1, 0, column] = np.nextafter(pair.theirs["state_values"][1, 0, column], 1.0)
     assert pair.differences() == ["state_values"]
