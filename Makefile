@@ -19,6 +19,8 @@
 #   make serve-site               opens it for a browser on 127.0.0.1; PORT=8000
 #   make lint                     ruff, pyright, oxlint
 #   make dist                     sdist and wheel in dist/, checked; TAG=v0.3.0 says which version it must be
+#   make verify-rows              rows of the leaderboard that differ from BASE=origin/main are played again to the bit, and on
+#                                 levels that follow from SALT=words, which their author could not know
 #   make clean                    caches and build products; keeps .venv and all results
 
 PYTHON ?= python3
@@ -26,6 +28,7 @@ SCALE ?= quick
 SWEEP ?= demo
 ARGS ?=
 PORT ?= 8000
+BASE ?= origin/main
 
 VENV ?= .venv
 PY := $(VENV)/bin/python
@@ -42,7 +45,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-docs check-results test-processors test-oldest test-newest test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site dist clean
+.PHONY: help setup test test-docs check-results test-processors test-oldest test-newest test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site dist verify-rows clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -110,25 +113,24 @@ bench: $(STAMP)
 	$(PY) -m benchmarks $(ARGS)
 
 reproduce-paper: $(STAMP)
-	$(PY) -m experiments.reproduce scale=$(SCALE) $(ARGS)
+	$(PY) -m segar reproduce scale=$(SCALE) $(ARGS)
 
 report: $(STAMP)
-	$(PY) -m analysis.report $(ARGS)
+	$(PY) -m segar report $(ARGS)
 
 sweep: $(STAMP)
-	$(PY) -m experiments.train +sweep=$(SWEEP) $(ARGS)
-	$(PY) -m experiments.results sweep=$(SWEEP) $(filter root=%,$(ARGS))
+	$(PY) -m segar sweep $(SWEEP) $(ARGS)
 
 renderings: $(STAMP)
-	$(PY) -m analysis.renderings $(ARGS)
+	$(PY) -m segar.analysis.renderings $(ARGS)
 
 dashboard: $(STAMP)
-	$(PY) -m experiments.dashboard $(ARGS)
+	$(PY) -m segar dashboard $(ARGS)
 
 # The pages of environments are drawn and measured from the library, which takes most of the time.
 ENVIRONMENT_PAGES := build/site-source/environments/index.md
 $(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py docs/site/playgrounds.py \
-		$(wildcard segar/*.py segar/*/*.py segar/*/*/*.py segar/*/*/*/*.py)
+		$(filter-out segar/experiments/% segar/analysis/%,$(wildcard segar/*.py segar/*/*.py segar/*/*/*.py segar/*/*/*/*.py))
 	$(PY) docs/site/environments.py
 
 # So are the cards of suites.
@@ -156,6 +158,12 @@ dist: $(STAMP)
 	$(PY) -m twine check --strict dist/*
 	@[ -z "$(TAG)" ] || [ -e "dist/segar-$(TAG:v%=%).tar.gz" ] || { \
 		echo "The tag $(TAG) is not the version in segar/support/version.py: $$(ls dist)" >&2; exit 1; }
+
+verify-rows: $(STAMP)
+	@rows=$$(git diff --name-only $(BASE)... -- docs/results/benchmark | sed -n 's|docs/results/benchmark/\([^/]*\)/.*|\1|p' | sort -u \
+		| paste -sd, -); \
+	if [ -z "$$rows" ]; then echo "No row of docs/results/benchmark differs from $(BASE)."; \
+	else $(PY) -m segar benchmark "verify=[$$rows]" rows=docs/results/benchmark salt='$(SALT)'; fi
 
 clean:
 	rm -rf build dist .pytest_cache .ruff_cache .hypothesis *.egg-info

@@ -295,7 +295,7 @@ def dashboard(run: RunConfig) -> str:
     uri = run.tracking.uri
     if uri is None:
         root = shlex.quote(str(runs_root(run)))
-        return f"{sys.executable} -m experiments.dashboard root={root}    (or: make dashboard)"
+        return f"{sys.executable} -m segar dashboard root={root}    (or: make dashboard)"
     uri = without_password(uri)
     return uri if is_server(uri) else f"{sys.executable} -m mlflow server --backend-store-uri '{uri}'"
 

@@ -47,8 +47,8 @@ def test_every_command_sets_them_before_torch_is_imported():
         "import importlib, os, sys\n"
         "for command in sys.argv[1:]:\n"
         "    os.environ.pop('OMP_WAIT_POLICY', None)\n"
-        "    for name in [name for name in sys.modules if name.partition('.')[0] == 'experiments']: del sys.modules[name]\n"
-        "    importlib.import_module(f'experiments.{command}')\n"
+        "    for name in [name for name in sys.modules if name.startswith('segar.experiments')]: del sys.modules[name]\n"
+        "    importlib.import_module(f'segar.experiments.{command}')\n"
         "    print(command, os.environ.get('OMP_WAIT_POLICY'), 'torch' in sys.modules)\n"
     )
     done = subprocess.run([sys.executable, "-c", script, *COMMANDS], capture_output=True, text=True, check=True)

@@ -157,13 +157,13 @@ def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, cap
         "claims.csv",
     ):
         assert (config.folder / name).exists()
-    assert f"segar.experiments.dashboard root={tmp_path}" in said
+    assert f"segar dashboard root={tmp_path}" in said
 
 
 @pytest.mark.parametrize(
     ("uri", "opens"),
     [
-        (None, "-m experiments.dashboard root="),
+        (None, "segar dashboard root="),
         ("http://there:5000", "http://there:5000"),
         ("postgresql+psycopg2://there/mlflow", "server --backend-store-uri 'postgresql+psycopg2://there/mlflow'"),
     ],
@@ -236,7 +236,7 @@ def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):
 def test_the_command_that_opens_the_pages_is_quoted_for_the_shell(tmp_path):
     root = tmp_path / "a b" / "it's"
     command = shlex.split(dashboard(settings(root)).partition("    ")[0])
-    assert parse_settings(command[3:]) == {"root": str(root)}
+    assert parse_settings(command[4:]) == {"root": str(root)}
 
 
 @pytest.mark.parametrize(
