@@ -7,14 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from segar.cli import arguments
-from segar.errors import LevelError
+from segar.cli.results import RESULTS
+from segar.errors import LevelError, SegarError, did_you_mean
+from segar.language import Task
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, make_observation
-from segar.playground import WEIGHTS, make_playground, read_policy
+from segar.playground import WEIGHTS, make_playground, read_policy, read_row_policy
 from segar.suites import suite, suites
 from segar.support import counted, named_or_made
 
-NUMBER = 100  # of levels of a distribution, where none is given
+NUMBER, OF_A_MATCH = 100, 5  # of levels of a set, where none is given
+ROWS = RESULTS / "benchmark"
 
 
 def add_commands(commands: Any) -> None:
@@ -33,7 +36,8 @@ def add_commands(commands: Any) -> None:
     making.add_argument(
         "--policy", metavar="FILE_OR_FOLDER",
         help="plays in the page: a file of segar.policies.Network.save, or the folder of a run or of an evaluation with"
-        " portable=true",
+        " portable=true; on a suite also a row of the benchmark, its folder or its name. The page of a suite with a policy is"
+        " a match: you play against it",
     )  # fmt: skip
     making.add_argument(
         "--weights", choices=WEIGHTS, default=WEIGHTS[0],
@@ -64,26 +68,33 @@ def add_level_sets(parser: argparse.ArgumentParser) -> None:
 def playground(chosen: argparse.Namespace) -> None:
     """``segar playground``."""
     start = time.perf_counter()
+    is_match = chosen.policy is not None and chosen.what in suites() and chosen.test is None
+    row = row_folder(chosen.policy) if is_match else None
+    player = None
+    if is_match:
+        chosen.number, chosen.plans = chosen.number or OF_A_MATCH, True
+    if row is not None:
+        player = read_row_policy(row, suite(chosen.what))
+        chosen.seed = player.seed
     levels, test = named_sets(chosen)
-    observations = {name: named_observation(name) for name in chosen.observation or ()}
-    if chosen.policy is None:
-        player, task = None, None if chosen.task is None else arguments.task_named(chosen.task, levels)
-    else:
-        player = read_policy(Path(chosen.policy), levels, observations=observations, task=chosen.task)
-        observations, task = player.observations, player.task
+    given = {name: named_observation(name) for name in chosen.observation or ()}
+    if chosen.policy is not None and player is None:
+        player = read_policy(Path(chosen.policy), levels, observations=given, task=chosen.task)
     if chosen.plans:
         count = len(levels) + (0 if test is None else len(test))
         print(f"segar: finding plans of {counted(count, 'level')}, in about 0.1 s each", file=sys.stderr, flush=True)
     page = make_playground(
         levels,
         test,
-        task=task,
-        observations=observations or ("rgb",),
-        policy=None if player is None else player.network,
+        task=(player and player.task) or named_task(chosen, levels),
+        observations=given or (player and player.observations) or ("rgb",),
+        test_observations=player.test_observations if player and not given else None,
+        policy=player and player.network,
         weights=chosen.weights,
-        probes={} if player is None else player.probes,
+        probes=player.probes if player else {},
         plans=chosen.plans,
         title=chosen.title or (chosen.what.rpartition(":")[2] if ":" in chosen.what else None),
+        match=suite(chosen.what).says if is_match else None,
     )
     page.save(chosen.output)
     size, seconds = len(page.html.encode()), time.perf_counter() - start
@@ -94,6 +105,28 @@ def playground(chosen: argparse.Namespace) -> None:
     plays = "" if player is None else f", the policy in {player.place} ({chosen.weights})"
     text = f"{chosen.output}: {sets}{plays}; {size / 1000:.0f} kB in {seconds:.1f} s. Open it in a browser"
     arguments.print_answer(chosen, answer, text)
+
+
+def row_folder(policy: str) -> Path | None:
+    """The folder of a row of the benchmark that this names, or a shipped row of this name; None where it is something else.
+
+    Raises:
+        SegarError: there is neither a file, nor a folder, nor a row of this name.
+    """
+    found = [folder for folder in (Path(policy), ROWS / policy) if (folder / "row.json").is_file()]
+    if not found and not Path(policy).exists():
+        known = [path.parent.name for path in ROWS.glob("*/row.json")]
+        raise SegarError(
+            f"there is no {policy}; name a network's file, the folder of a run, or a row.{did_you_mean(policy, known)}"
+        )
+    return found[0] if found else None
+
+
+def named_task(chosen: argparse.Namespace, levels: Levels) -> Task | None:
+    """The task that is asked for, or that of the suite; None for the one that the levels name."""
+    if chosen.task is not None:
+        return arguments.task_named(chosen.task, levels)
+    return suite(chosen.what).task if chosen.what in suites() else None
 
 
 def named_observation(name: str) -> Observation:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from segar.cli import arguments
-from segar.cli.playground import add_level_sets, named_observation, named_sets
+from segar.cli.playground import add_level_sets, named_observation, named_sets, named_task
 from segar.errors import SegarError
 from segar.observations import OBSERVATIONS
 from segar.playground import Studio
@@ -48,7 +48,7 @@ def studio(chosen: argparse.Namespace) -> None:
     made = Studio(
         levels,
         test,
-        task=None if chosen.task is None else arguments.task_named(chosen.task, levels),
+        task=named_task(chosen, levels),
         observations={name: named_observation(name) for name in chosen.observation},
         runs=chosen.runs,
     )

@@ -1,6 +1,6 @@
 from .page import Playground as Playground, make_playground
 from .policy import WEIGHTS as WEIGHTS
-from .run_folder import read_policy
+from .run_folder import read_policy, read_row_policy as read_row_policy
 from .studio import Studio as Studio
 
 __all__ = ["make_playground", "read_policy"]

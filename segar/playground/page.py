@@ -29,6 +29,7 @@ STATIC = Path(__file__).parent / "static"
 MOST_LEVELS = 2000  # of a set, in a page
 OF_TWO_SETS = ("measures.js", "panel_design.js", "transport.js")  # scripts that a page of one set lacks
 OF_THE_STUDIO = ("panel_studio.js",)  # that a page in a file lacks
+OF_A_MATCH = ("match.js",)  # that a page without one lacks
 DOCUMENTATION = re.compile(
     r"^[ \t]*/\*\*.*?\*/[ \t]*\n", re.MULTILINE | re.DOTALL
 )  # of a script, in lines of their own
@@ -77,6 +78,8 @@ def make_playground(
     probes: Mapping[str, tuple[float, float, float]] | None = None,
     plans: bool = False,
     title: str | None = None,
+    test_observations: Mapping[str, str | Observation] | None = None,
+    match: str | None = None,
     studio: Mapping[str, Any] | None = None,
 ) -> Playground:
     """The page that plays these levels.
@@ -95,13 +98,18 @@ def make_playground(
         plans: whether the page holds the planner's episodes, and the baselines of scores. They are found now by
             :func:`segar.evaluation.find_baselines`, in about 0.1 s per level.
         title: of the page; the levels' name where it is None.
+        test_observations: what agents see of the test levels, where that differs, such as other textures.
+        match: what the test changes, in a sentence. The page then opens as a match: a person plays five levels of each set
+            beside the agent, and sees both gaps and the planner's. It needs test levels, a policy and plans.
         studio: what the server of ``segar studio`` tells its page. Such a page may ask its server, and no other one.
 
     Raises:
         LevelError: there are too many levels.
         SegarError: a rule or an observation has no form in WebAssembly, or the policy reads other observations, has other
-            actions, or has weights that float16 does not hold.
+            actions, or has weights that float16 does not hold; or a match lacks a part.
     """
+    if match is not None and (test is None or policy is None or not plans):
+        raise SegarError("a match needs test levels, a policy and plans; give test=, policy= and plans=True")
     if isinstance(observations, str) or not observations:
         raise SegarError(f"observations must be a sequence of at least one, such as ('rgb',), not {observations!r}")
     for part in (levels, test):
@@ -110,11 +118,14 @@ def make_playground(
     title = title or levels.provenance.name or "levels made by hand"
     blobs = Blobs()
     named = observations.items() if isinstance(observations, Mapping) else [(name_of(one), one) for one in observations]
-    seen = [(name, trained_on(one, levels)) for name, one in named]
     sets = []
-    for part, name in ((levels, "train" if test is not None else "levels"), (test, "test")):
+    for part, name, seen in (
+        (levels, "train" if test is not None else "levels", named),
+        (test, "test", named if test_observations is None else test_observations.items()),
+    ):
         if part is not None:
-            sets.append(described_set(part, task, seen, name, blobs))
+            shown = [(known, trained_on(one, levels)) for known, one in seen]
+            sets.append(described_set(part, task, shown, name, blobs))
             if plans:
                 sets[-1]["baselines"] = described_baselines(part, task or task_of(part), blobs)
     about: dict[str, Any] = {"title": title, "segar": __version__, "sets": sets, "signs": SIGNS}
@@ -123,6 +134,8 @@ def make_playground(
         about["policy"]["probes"] = [[name, *numbers] for name, numbers in (probes or {}).items()]
     if test is not None:
         about["objective"] = described_objective(levels, test)
+    if match is not None:
+        about["match"] = match
     if studio is not None:
         about["studio"] = dict(studio)
     return Playground(_page(title, about, blobs), title)
@@ -151,7 +164,8 @@ def _program(path: Path) -> bytes:
 
 def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
     """The template with its style, its program and its data in it."""
-    left_out = (() if "objective" in about else OF_TWO_SETS) + (() if "studio" in about else OF_THE_STUDIO)
+    parts_of = {"objective": OF_TWO_SETS, "studio": OF_THE_STUDIO, "match": OF_A_MATCH}
+    left_out = [name for part, names in parts_of.items() if part not in about for name in names]
     scripts = [path for path in sorted(STATIC.glob("*.js")) if path.name not in left_out]
     about["scripts"] = {path.name: blobs.add(_program(path)) for path in scripts}
     about["blobs"] = blobs.places

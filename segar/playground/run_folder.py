@@ -1,4 +1,5 @@
-"""What a page takes of a run folder: the network that plays without torch, what it observes, and what probes found in it.
+"""What a page takes of a run folder, or of a row of the benchmark: the network that plays without torch, what it observes,
+and what probes found in it.
 
 Settings are read as plain data, and nothing that they name is imported: own tasks, factors and parameters are those of the
 levels that are played.
@@ -15,7 +16,8 @@ from segar.language import Task
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, trained_on
 from segar.policies import NETWORK_FILE, Network
-from segar.support import DAMAGE, content_of, first_line, misfit, need, opened, resolve, shown
+from segar.suites import Suite, named_observation
+from segar.support import DAMAGE, content_of, first_line, json_in, misfit, need, opened, resolve, shown
 from segar.tasks import make_task, task_of
 
 CONFIG, LEVELS_TRAIN, PROBES = "config.yaml", "levels_train.npz", "probes.parquet"  # files of a run folder
@@ -24,6 +26,11 @@ SHOWN = {"representation": "trained", "probe": "ridge", "quantity": "r2", "level
 NUMBERS = ("estimate", "low", "high")
 PART = {"name": str, "options?": (dict, None)}
 SETTINGS = {"observation": PART, "task?": PART}
+ROW = "row.json"  # of a row of the benchmark
+ROW_FORM = {
+    "settings": {"observation": PART},
+    "pieces": [{"suite": str, "suite_hash": str, "seed": int, "file": str}],
+}
 OF_LEVELS, PUTTPUTT = "levels", "puttputt"  # the task of the levels, and of levels that name none
 MOST_ROWS = 100_000  # of a table of probes
 LONGEST = 2**20  # [bytes] of the settings of a run
@@ -39,6 +46,7 @@ class RunPolicy:
         task: what the run plays; None where its settings are not there.
         probes: component of a factor, such as ``goal.Position.x``, to R² on test levels of a linear probe of what the
             network's encoder gives, and to its interval; empty where the run was not probed.
+        test_observations: what it reads on the test of a suite, of a row. seed: of the row's training levels.
     """
 
     network: Network
@@ -46,6 +54,8 @@ class RunPolicy:
     observations: Mapping[str, Observation] = field(default_factory=dict)
     task: Task | None = None
     probes: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    test_observations: Mapping[str, Observation] | None = None
+    seed: int = 0
 
 
 def read_policy(
@@ -73,6 +83,39 @@ def read_policy(
             seen = {name: trained_on(one, train) for name, one in seen.items()}
     probes = _probes(run / PROBES) if (run / PROBES).exists() else {}
     return RunPolicy(network, place, seen, _task(run / CONFIG, settings, levels, task), probes)
+
+
+def read_row_policy(folder: Path, suite: Suite) -> RunPolicy:
+    """The first network of a row of the benchmark that was trained on a suite and is here.
+
+    Raises:
+        SegarError: the row has none, or was made with another version of the suite; or its file cannot be read.
+    """
+    path = folder / ROW
+    row = json_in(path, "description of a row", SegarError, limit=LONGEST)
+    if wrong := misfit(row, ROW_FORM):
+        raise SegarError(f"{path} is no description of a row: {wrong}; make the row again with segar benchmark")
+    pieces = [one for one in row["pieces"] if one["suite"] == suite.name and Path(one["file"]).suffix == ".npz"]
+    here = [one for one in pieces if (folder / Path(one["file"]).name).exists()]
+    if not here:
+        known = sorted({one["suite"] for one in row["pieces"] if (folder / Path(one["file"] or "-").name).exists()})
+        advice = f"segar results fetch benchmark/{folder.name}" if pieces else "take another row"
+        raise SegarError(
+            f"{folder} has no network of {suite.name} here, only of: {', '.join(known) or 'none'}; {advice}"
+        )
+    piece = here[0]
+    if piece["suite_hash"] != suite.hash:
+        raise SegarError(
+            f"{path}: the network of {suite.name} was trained on another version of the suite; train it again"
+        )
+    train, seen = suite.sample(piece["seed"]), row["settings"]["observation"]
+    observations = []
+    for side in ("train", "test"):
+        name, options = named_observation(suite, side, seen["name"], seen.get("options"))
+        made = resolve(name, OBSERVATIONS, "observation", ())(**options)
+        observations.append({seen["name"]: trained_on(made, train)})
+    place = folder / Path(piece["file"]).name
+    return RunPolicy(Network.load(place), place, observations[0], suite.task, {}, observations[1], piece["seed"])
 
 
 def _network_of(path: Path) -> tuple[Path, Path]:

@@ -39,6 +39,11 @@ export async function open(about, blob) {
     page.design = designPanel(page);
     $("page").append(page.design.element);
   }
+  if (about.match && !window.location.hash) {
+    const { matchOf } = await import("segar/match.js"); // a page without a match lacks it
+    page.match = matchOf(page);
+    page.match.begin(0);
+  }
   await page.follow();
   return page;
 }
@@ -60,7 +65,7 @@ class Page {
     this.levels = sets[0];
     this.marked = 0;
     this.moving = false;
-    this.aim = this.held = this.ghost = null;
+    this.aim = this.held = this.ghost = this.match = null;
     this.scene = new Scene($("arena"), this.levels, about.signs);
     this.player = new Player(this.world, () => this.refresh());
     $("title").textContent = about.title;
@@ -86,7 +91,7 @@ class Page {
     const tick = (now) => {
       this.player.pass((now - last) / 1000);
       last = now;
-      if (this.player.running || this.stale) this.draw();
+      if (this.player.running || this.stale || this.match?.moves) this.draw();
       requestAnimationFrame(tick);
     };
     requestAnimationFrame(tick);
@@ -184,6 +189,7 @@ class Page {
         this.record.add();
         this.compare.add();
       }
+      this.match?.ended();
     }
     if (!world.over) this.kept = false;
   }
@@ -192,14 +198,14 @@ class Page {
     this.stale = false;
     const { world, player } = this;
     const ghost = this.studio?.ghost() ?? (this.levels.changed.has(this.level) ? null : this.ghost);
-    this.scene.draw(player.shown, this.level, { aim: this.aim, marked: this.change.element.open ? this.marked : undefined, ghost, acceleration: player.acceleration });
+    this.scene.draw(player.shown, this.level, { aim: this.aim, marked: this.change.element.open ? this.marked : undefined, ghost, other: this.match?.ghost(), acceleration: player.acceleration });
     this.seen.draw();
     this.watch?.draw();
     this.design?.draw();
     const words = world.failed ?? verdict(world);
     const status = `level ${this.level}${this.levels.changed.has(this.level) ? " (changed)" : ""}, step ${world.steps} of ${world.about.task.max_steps}, return ${world.total.toFixed(3)}${words ? `: ${words}` : ""}`;
     if ($("status").textContent !== status) $("status").textContent = status;
-    this.say(status);
+    this.say(this.match?.status() ?? status);
     $("play").textContent = player.running ? "Pause" : "Play";
     $("play").setAttribute("aria-pressed", String(player.running));
     $("play").disabled = $("single").disabled = world.over;
@@ -228,6 +234,16 @@ class Page {
     if (this.levels.about.task.action_low.length === 2) this.player.act(this.player.inRange(unit));
   }
 
+  /** Hit the ball towards the aim, where there is one. */
+  strike() {
+    if (!this.aim) return;
+    const ball = this.scene.things(this.world.values, this.level).find((one) => one.agent);
+    const [dx, dy] = ball ? [this.aim[0] - ball.x, this.aim[1] - ball.y] : this.aim;
+    const reach = Math.max(Math.hypot(dx, dy), REACH);
+    this.aim = null;
+    this.hit([dx / reach, dy / reach]);
+  }
+
   listen() {
     const arena = $("arena");
     arena.addEventListener("pointerdown", (event) => {
@@ -238,6 +254,7 @@ class Page {
         if (thing) this.hold(thing.slot);
       } else if (this.levels.about.task.action_low.length === 2) {
         this.aim = place;
+        if (this.match) this.player.running = false; // time stands while one aims
       }
       this.refresh();
     });
@@ -249,18 +266,13 @@ class Page {
       this.refresh();
     });
     arena.addEventListener("pointerup", () => {
-      if (this.aim) {
-        const ball = this.scene.things(this.world.values, this.level).find((one) => one.agent);
-        const [dx, dy] = ball ? [this.aim[0] - ball.x, this.aim[1] - ball.y] : this.aim;
-        const reach = Math.max(Math.hypot(dx, dy), REACH);
-        this.aim = null;
-        this.hit([dx / reach, dy / reach]);
-      }
+      this.strike();
       if (this.held !== null) this.change.update();
       this.aim = this.held = null;
       this.refresh();
     });
     arena.addEventListener("pointercancel", () => {
+      this.match?.resume();
       this.aim = this.held = null;
       this.refresh();
     });
@@ -286,6 +298,10 @@ class Page {
 
   key(event) {
     if (event.target.closest?.("input, textarea, select") || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (this.match) {
+      if (this.match.key(event)) event.preventDefault();
+      return;
+    }
     const onButton = event.target.closest?.("button, summary");
     if (event.key in KEYS) this.hit(KEYS[event.key]);
     else if (event.key === " " && !onButton) this.toggle();

@@ -7,6 +7,7 @@ const HULL = 2;
 const FLOOR = "#0d1117";
 const GRID = "#1c2430";
 const WALL = "#8b98a9";
+const GHOST = "#c9a7ff";
 
 export class Scene {
   constructor(canvas, levels, signs) {
@@ -14,6 +15,7 @@ export class Scene {
     this.signs = signs;
     this.levels = levels;
     this.overlays = new Set(["velocity"]);
+    this.says = (thing) => this.nameOf(thing); // the words that name a thing
   }
 
   get about() {
@@ -67,8 +69,8 @@ export class Scene {
     return this.things(values, level).reverse().find((one) => covers(one, x, y, TOUCHED * this.about.walls));
   }
 
-  /** Draw a state of a level; aim, marked and ghost are optional. */
-  draw(values, level, { aim, marked, ghost, acceleration } = {}) {
+  /** Draw a state of a level; aim, marked, ghost and other, a place where somebody else is, are optional. */
+  draw(values, level, { aim, marked, ghost, other, acceleration } = {}) {
     const { canvas, about } = this;
     const side = canvas.width;
     const context = canvas.getContext("2d");
@@ -99,6 +101,7 @@ export class Scene {
       if (this.overlays.has("names")) this.name(context, thing, scale);
     }
     if (ghost) path(context, ghost, scale);
+    if (other) this.another(context, this.things(values, level).find((one) => one.agent), other, scale);
     if (aim) {
       const ball = this.things(values, level).find((one) => one.agent);
       if (ball) arrow(context, ball, [aim[0] - ball.x, aim[1] - ball.y], 1, "#ffffff", scale);
@@ -131,14 +134,32 @@ export class Scene {
     return tile ? this.nameOf(tile) : null;
   }
 
-  name(context, thing, scale) {
+  /** Another body where somebody else is who plays the same level. */
+  another(context, body, [x, y], scale) {
+    const thing = { ...body, x, y };
+    outline(context, thing);
+    context.fillStyle = "rgba(201,167,255,.4)";
+    context.fill();
+    context.lineWidth = 2.5 / scale;
+    context.strokeStyle = GHOST;
+    context.stroke();
+    this.name(context, thing, scale, "agent", GHOST, true);
+  }
+
+  /** Write the name of a thing above it, or below it where that is wanted or where there is no room. */
+  name(context, thing, scale, words = this.says(thing), colour = "#e6edf3", below = false) {
+    const size = 13 * Math.max(this.canvas.width / (this.canvas.clientWidth || this.canvas.width), 1);
+    const { walls } = this.about;
     context.save();
-    context.translate(thing.x, thing.y + thing.radius + 4 / scale);
-    context.scale(1 / scale, -1 / scale);
-    context.font = "13px system-ui, sans-serif";
+    context.font = `${size}px system-ui, sans-serif`;
     context.textAlign = "center";
-    context.fillStyle = "#e6edf3";
-    context.fillText(this.nameOf(thing), 0, 0);
+    const room = Math.max(walls - context.measureText(words).width / 2 / scale, 0);
+    const above = thing.y + thing.radius + 5 / scale;
+    const y = below || above + size / scale > walls ? thing.y - thing.radius - size / scale : above;
+    context.translate(Math.min(Math.max(thing.x, -room), room), y);
+    context.scale(1 / scale, -1 / scale);
+    context.fillStyle = colour;
+    context.fillText(words, 0, 0);
     context.restore();
   }
 }
@@ -213,7 +234,7 @@ function path(context, points, scale) {
   for (const [x, y] of points) context.lineTo(x, y);
   context.lineWidth = 2 / scale;
   context.setLineDash([5 / scale, 5 / scale]);
-  context.strokeStyle = "#c9a7ff";
+  context.strokeStyle = GHOST;
   context.stroke();
   context.setLineDash([]);
 }

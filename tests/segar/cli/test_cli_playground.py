@@ -13,7 +13,7 @@ import segar
 from segar import cli
 from segar.envs import VectorEnv
 from segar.observations import StateVector
-from segar.playground import make_playground, read_policy
+from segar.playground import make_playground, read_policy, read_row_policy
 from segar.policies import Network
 from tests.segar.policies.networks import Builder
 
@@ -199,6 +199,45 @@ def test_probes_of_a_run_are_in_its_page(capsys, run):
     assert "probes.parquet holds no probes of a run: " in refused(capsys, *base)
     pd.DataFrame(rows * 30_000, columns=columns).to_parquet(run / "probes.parquet")
     assert "has 150,000 rows, and a table of probes 100,000 at most" in refused(capsys, *base)
+
+
+def row_of(suite: segar.suites.Suite, folder: Path, player: Network, seed: int = 3) -> Path:
+    """A row of the benchmark with a network for a suite."""
+    folder.mkdir()
+    piece = {"suite": suite.name, "suite_hash": suite.hash, "seed": seed, "file": "player.npz"}
+    (folder / "row.json").write_text(
+        json.dumps({"settings": {"observation": {"name": "rgb" if suite.textures else "state"}}, "pieces": [piece]})
+    )
+    player.save(folder / "player.npz")
+    return folder
+
+
+def test_a_row_on_its_suite_is_a_match_in_the_units_and_with_the_levels_of_its_training(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    of, one, task = segar.suites.suite("place-few-v1"), Builder(), segar.puttputt()
+    train, seen = of.sample(3), StateVector()
+    (inputs,) = VectorEnv(train, 1, observation=seen, seed=0).single_observation_space.shape or ()
+    one.dense(inputs, 4)
+    player = one.network((inputs,), 4, action_low=tuple(task.action_low), action_high=tuple(task.action_high))
+    row = row_of(of, tmp_path / "row", player)
+    shown(capsys, of.name, "--policy", row, "-n", 2, "-o", "page.html")
+    options = {"task": of.task, "policy": player, "plans": True, "match": of.says}
+    expected = make_playground(train[:2], of.test_levels[:2], observations={"state": seen.trained_on(train)}, **options)
+    assert Path("page.html").read_text() == expected.html
+    Path("page.html").unlink()
+    far = segar.suites.suite("look-far-v1")
+    found = read_row_policy(row_of(far, tmp_path / "far", player), far)
+    sides = (found.observations, found.test_observations)
+    assert [side["rgb"].textures for side in sides if side] == list(far.textures)
+    base = ("place-few-v1", "-o", "page.html", "--policy")
+    assert "has no network of place-few-v1 here, only of: look-far-v1; take another row" in refused(
+        capsys, *base, "far"
+    )
+    assert "Did you mean 'ppo_fast-state-laptop'?" in refused(capsys, *base, "ppo_fast-state-lap")
+    (row / "row.json").write_text((row / "row.json").read_text().replace(of.hash, far.hash))
+    assert "was trained on another version of the suite" in refused(capsys, *base, row)
+    (row / "row.json").write_text("[]")
+    assert "row.json is no description of a row" in refused(capsys, *base, row)
 
 
 def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
