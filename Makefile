@@ -78,7 +78,7 @@ $(SITE_STAMP): $(STAMP)
 test test-docs check-results: export PYTHONDONTWRITEBYTECODE :=
 # Three workers on two cores: each holds fewer kernels and libraries, at most 2 GB, and the time is the same.
 test: $(STAMP)
-	$(PY) -m pytest -q -n 3 --dist loadfile $(ARGS)
+	$(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 # A page is run by one process, and the pages are shared out.
 test-docs: $(STAMP)

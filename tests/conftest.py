@@ -26,9 +26,18 @@ PAPER = Path(os.environ.get("SEGAR_PAPER", Path(__file__).parents[2] / "shared" 
 collect_ignore = [] if PAPER.is_file() else ["project/test_paper_listings.py"]
 
 
+# Files that take long, and are begun first: no worker is left with one of them when the others are done.
+LONG = ("tests/segar/playground/", "tests/segar/envs/test_device", "tests/segar/engine/", "tests/experiments/")
+
+
+def pytest_collection_modifyitems(items) -> None:
+    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
+
+
 def pytest_collection_finish() -> None:
-    """What was imported and collected stays: no search for garbage needs to look at it again."""
+    """What was imported and collected stays: no search for garbage needs to look at it again, and compilers make much."""
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_runtest_teardown(item, nextitem) -> None:

@@ -1,6 +1,7 @@
 """Runs over the trials of levels: what they write, and what they say of agents without a memory."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from segar import GoalTile, GolfBall, Position, family, puttputt
 from segar.envs import VectorEnv
 from segar.experiments.evaluation.episodes import action_rng, play_episodes
 from segar.experiments.evaluation.evaluator import evaluate
-from segar.experiments.levels.builders import environment_options
+from segar.experiments.levels.builders import Prepared, environment_options
 from segar.experiments.reproduction.grid import varied_columns, with_settings
 from segar.experiments.runs.run_folder import read_episodes, read_summary
 from segar.experiments.settings import (
@@ -25,6 +26,7 @@ from segar.experiments.settings import (
     run_config,
 )
 from segar.experiments.training.run import run
+from segar.experiments.training.trials import advice_on_trials
 from tests.experiments.short_runs import killed_after, same_results, short_run
 
 SMALL = {"num_envs": 8, "num_steps": 8, "widths": (8,), "head_width": 0}
@@ -141,15 +143,13 @@ def test_trials_are_part_of_a_run_s_name_only_where_there_are_several():
         (TaskConfig(f"{__name__}:for_success"), RECURRENT, False),
     ],
 )
+@pytest.mark.usefixtures("plain_source")
 def test_an_agent_that_does_well_not_to_end_trials_is_told(tmp_path, task, algorithm, expected):
-    said: list[str] = []
-    config = dataclasses.replace(
-        short_run(tmp_path / "run", trials=2), algorithm=algorithm, task=task, observation=PAST
-    )
-    run(config, said.append)
-    assert sum("may learn not to end any" in line for line in said) == expected
-    run(dataclasses.replace(config, trials=1, folder=str(tmp_path / "one")), said.append)
-    assert sum("may learn not to end any" in line for line in said) == expected
+    policy = SimpleNamespace(begin=None)  # with a memory
+    config = dataclasses.replace(short_run(tmp_path, trials=2), algorithm=algorithm, task=task, observation=PAST)
+    said = advice_on_trials(Prepared(config), policy)
+    assert [("may learn not to end any" in line) for line in said] == [True] * expected
+    assert not advice_on_trials(Prepared(dataclasses.replace(config, trials=1)), policy)
 
 
 def for_success():
