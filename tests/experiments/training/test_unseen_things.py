@@ -54,6 +54,7 @@ def test_an_entity_that_differs_or_turns_is_named_with_the_setting_that_shows_it
     assert set(names) == {*hidden, "moon.Phase"}
 
 
+@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize(
     ("levels", "options", "name"),
     [

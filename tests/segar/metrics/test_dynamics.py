@@ -132,6 +132,7 @@ def test_the_error_says_how_far_an_estimate_is_from_its_expectation():
     assert np.mean(np.abs(apart) < 2) >= 0.84 and abs(apart.mean()) < 0.5
 
 
+@pytest.mark.usefixtures("plain_source")
 def test_twice_the_gravity_doubles_what_friction_takes():
     """Friction is mu g / m against the velocity, so after n sub-steps the speeds differ by mu g dt n / m until a body rests."""
     angles = np.linspace(0.0, math.tau, 8, endpoint=False)

@@ -4,6 +4,7 @@ from typing import Tuple
 
 import segar
 from segar.language import Ball, arctan2, cos, exp, hypot, log, maximum, sin, sqrt, tan, tanh
+from segar.rules import accelerate
 
 
 class Flutter(segar.Scalar, default=0.3):
@@ -39,4 +40,4 @@ def turn(flutter: Flutter) -> segar.Differential[Flutter]:
     return segar.Differential[Flutter](flutter, segar.random.uniform(-1.0, 3.0))
 
 
-world = segar.World(rules=(*segar.DEFAULT_RULES, wind, gust, turn))
+world = segar.World(rules=(accelerate, segar.move, wind, gust, turn))
