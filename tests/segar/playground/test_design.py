@@ -231,7 +231,7 @@ def test_things_that_are_taken_away_and_other_worlds_count(chromium: Chromium, t
     later = dataclasses.replace(b, parameters=parameters)
     measured(chromium, first)
     agree(chromium.run(MEASURE), taken, later, scale=spread(a, b))
-    assert 'segar.Levels.load("train.json")' in chromium.page.inner_text(".wide")
+    assert 'segar.Levels.load("train.json", world=world)' in chromium.page.inner_text(".wide")
 
 
 def test_what_it_is_made_of_is_listed(page: Any, sets: tuple[Levels, Levels]) -> None:
