@@ -91,13 +91,20 @@ def own(seed: int, n: int, parameters: tuple[type[Parameter], ...], *rest: Calla
     return Levels.from_entities(levels, {one: rng.normal(0.0, 9.0, n) for one in parameters}, world=STILL)
 
 
+def rack(seed: int) -> Levels:
+    """Twelve levels of ten balls."""
+    places = np.random.default_rng(seed).uniform(-0.8, 0.8, (12, 10, 2))
+    levels = [[GolfBall(), GoalTile(), *(Ball({Position: place}) for place in level)] for level in places]
+    return Levels.from_entities(levels, world=STILL)
+
+
 def hull(radius: float) -> Tile:
     return Tile({Shape: ConvexHull([[0, 0], [radius, 0], [radius, radius], [-0.1, 0.2]]), Position: [0.5, 0.5]})
 
 
 PAIRS: dict[str, Callable[[], tuple[Levels, Levels]]] = {
     "absent things": lambda: (family("objectsx3-hard", 30), family("objectsx3-hard", 18, "test")),
-    "many things of a type": lambda: (family("billiards", 12), family("billiards", 12, "test")),
+    "many things of a type": lambda: (rack(1), rack(2)),
     "hulls": lambda: (family("tilesx2-easy", 20), family("hazardtilesx2-hard", 21)),
     "other layouts, periods and own parameters": lambda: (
         own(1, 25, (Mist, Hour), lambda: hull(0.2)),
@@ -314,22 +321,24 @@ def test_axe_finds_nothing_wrong_and_a_phone_needs_no_sideways_scrolling(page: A
 
 def test_differences_that_no_distance_sees_are_told(chromium: Chromium, tmp_path: Path) -> None:
     a, b = (
-        Levels.from_entities([[GoalTile(), GolfBall({Position: [x, 0.2], Visible: seen})] for x in (0.1, 0.2, 0.4)] * 5)
+        Levels.from_entities(
+            [[GoalTile(), GolfBall({Position: [x, 0.2], Visible: seen})] for x in (0.1, 0.2, 0.4)] * 5, world=STILL
+        )
         for seen in (True, False)
     )
     told = unseen_differences(a, b)
     assert told
-    make_playground(a, b).save(tmp_path / "page.html")
+    make_playground(a, b, observations=["state"]).save(tmp_path / "page.html")
     chromium.open(tmp_path / "page.html")
     assert measured(chromium) == "W2 0, KS 0"
     for text in told:
         assert text in chromium.page.inner_text(".wide")
-    assert 'segar.Levels.load("test.json")' in chromium.page.inner_text(".wide")
+    assert 'segar.Levels.load("test.json", world=world)' in chromium.page.inner_text(".wide")
 
 
 def test_of_many_levels_the_first_ones_count(chromium: Chromium, tmp_path: Path) -> None:
     a, b = family("empty-hard", 310), family("empty-hard", 5, "test")
-    make_playground(a, b).save(tmp_path / "page.html")
+    make_playground(a, b, observations=["state"]).save(tmp_path / "page.html")
     chromium.open(tmp_path / "page.html")
     assert measured(chromium) == words(a[:300], b)
     assert "The first 300 levels of each set count." in chromium.page.inner_text(".wide")
@@ -338,7 +347,7 @@ def test_of_many_levels_the_first_ones_count(chromium: Chromium, tmp_path: Path)
 
 
 def test_a_page_of_one_set_has_none_of_this(chromium: Chromium, tmp_path: Path) -> None:
-    make_playground(family("empty-hard", 3)).save(tmp_path / "page.html")
+    make_playground(family("empty-hard", 3), observations=["state"]).save(tmp_path / "page.html")
     chromium.open(tmp_path / "page.html")
     assert "panel_design.js" not in chromium.run("return Object.keys(window.playground.about.scripts)")
     assert chromium.page.locator(".wide").count() == 0

@@ -480,7 +480,7 @@ def test_the_command_prints_its_address_and_ends_with_ctrl_c() -> None:
 
 
 def test_a_person_edits_a_prior_draws_measures_and_plans(chromium: Chromium, tmp_path: Path) -> None:
-    with serving(Studio(TRAIN, TEST)) as client:
+    with serving(Studio(TRAIN, TEST, observations=["state"])) as client:
         chromium.visit(client.server.address)
         page = chromium.page
         chromium.until("!!window.playground")
