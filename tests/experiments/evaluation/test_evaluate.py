@@ -50,7 +50,8 @@ def test_a_runs_own_test_levels_give_what_it_found_at_its_end(trained):
 
 def test_any_levels_can_be_played_and_everything_is_written(trained, tmp_path):
     said = []
-    config = EvaluateConfig(str(trained), levels="empty-medium", n=5, seed=3, episodes=2, videos="gif")
+    search = {"planner_samples": 16, "planner_iterations": 2}
+    config = EvaluateConfig(str(trained), levels="empty-medium", n=5, seed=3, episodes=2, videos="gif", **search)
     found = evaluate(config, said.append)
     assert found.folder == trained / "evaluations" / "empty-medium-test-n5-s3"
     assert {path.name for path in found.folder.iterdir()} == {
