@@ -3,8 +3,6 @@
 import dataclasses
 import errno
 import os
-import resource
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -15,9 +13,7 @@ from segar.experiments.runs.executed_code import executed_code
 from segar.experiments.runs.files import write_text
 from segar.experiments.runs.journal import read_journal
 from segar.experiments.runs.run_folder import (
-    CHECKPOINT,
     CONFIG,
-    folder_path,
     is_finished,
     read_config,
     read_episodes,
@@ -29,7 +25,7 @@ from segar.experiments.settings import CheckpointError, ConfigError, RunFolderEr
 from segar.experiments.training import run as run_module
 from segar.experiments.training.run import run
 from segar.tasks.puttputt_task import puttputt
-from tests.experiments.short_runs import ITERATIONS, killed_after, same_results, short_run
+from tests.experiments.short_runs import killed_after, short_run
 
 FILES = {
     "config.yaml",
@@ -119,18 +115,6 @@ def test_a_task_without_a_reward_is_told(config):
 def test_restart_trains_a_finished_run_again(config):
     run(config)
     assert run(dataclasses.replace(config, restart=True)).trained
-
-
-def test_a_killed_run_goes_on_and_ends_as_if_it_had_not_been_killed(config, tmp_path, monkeypatch):
-    whole = run(config)
-    other = dataclasses.replace(config, folder=str(tmp_path / "killed"))
-    with killed_after(ITERATIONS // 2, monkeypatch):
-        run(other)
-    assert not is_finished(tmp_path / "killed")
-    said = []
-    resumed = run(other, said.append)
-    assert f"goes on from {64 * ITERATIONS // 2} of {64 * ITERATIONS} frames" in said[0]
-    assert same_results(resumed.folder, whole.folder)
 
 
 def test_a_run_killed_before_its_first_checkpoint_begins_anew(config, monkeypatch):
@@ -235,29 +219,6 @@ def test_a_full_disk_leaves_the_old_file_and_says_so(tmp_path, monkeypatch, call
         write_text(target, "new")
     assert [p.name for p in tmp_path.iterdir()] == ["summary.json"]
     assert target.read_text() == "old"
-
-
-@contextmanager
-def files_no_larger_than(size):
-    """A disk with little room: the system refuses what makes a file larger than ``size`` bytes."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-def test_a_run_without_room_for_its_checkpoint_loses_nothing_and_goes_on_later(config, monkeypatch):
-    with killed_after(2, monkeypatch):
-        run(config)
-    checkpoint = folder_path(config) / CHECKPOINT
-    before = checkpoint.read_bytes()
-    with files_no_larger_than(len(before) - 1), pytest.raises(RunFolderError) as caught:
-        run(config)
-    assert f"cannot be written to {checkpoint}: File too large; what was there before is untouched" in str(caught.value)
-    assert checkpoint.read_bytes() == before
-    assert run(config).trained
 
 
 def test_levels_that_changed_since_the_checkpoint_stop_the_run(config, monkeypatch):

@@ -107,16 +107,6 @@ def test_actions_are_clipped_to_their_range() -> None:
     np.testing.assert_array_equal(observations[0], observations[1])
 
 
-def test_arrays_of_an_earlier_step_are_not_overwritten() -> None:
-    env = VectorEnv(LEVELS, 4, seed=0)
-    env.reset()
-    kept = [a for a in env.step(np.ones((4, 2), np.float32))[:4]]
-    copies = [a.copy() for a in kept]
-    for _ in range(5):
-        env.step(np.ones((4, 2), np.float32))
-    assert same(kept, copies)
-
-
 def test_levels_with_rules_of_their_own_never_run_on_the_default_ones(tmp_path, plain_source) -> None:
     rules = (segar.move, segar.rules.accelerate)
     levels = segar.family("empty-hard").with_rules(rules).sample(3, seed=0)
