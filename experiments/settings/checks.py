@@ -20,7 +20,10 @@ DESIGNS = ("iid", "clustered", "covering", "nuisance_only")  # kinds of segar.de
 # measures of segar.metrics.matched_set.
 MATCHED_DESIGNS: Mapping[str, Mapping[str, Any]] = {
     "matched": {"w2": 0.0, "radius": 0.0, "effective_number": 0.0},
+    "matched_far_1.5": {"w2": 1.5, "radius": 0.0, "effective_number": 0.0},
     "matched_far": {"w2": 3.0, "radius": 0.0, "effective_number": 0.0},
+    "matched_far_4.5": {"w2": 4.5, "radius": 0.0, "effective_number": 0.0},
+    "matched_sparse_1.5": {"w2": 0.0, "radius": 1.5, "effective_number": -1.0},
     "matched_sparse": {"w2": 0.0, "radius": 3.0, "effective_number": -2.0},
     "matched_far_sparse": {"w2": 3.0, "radius": 3.0, "effective_number": -2.0},
 }
