@@ -111,8 +111,13 @@ class Claim:
         if self.planned.is_short:
             return verdicts.NOT_YET
         found = verdicts.combined(one.verdict for one in self.tests(settings, runs or self.runs))
-        is_weak = self.corrected.get((settings, runs or self.runs), 0.0) >= ALPHA
-        return verdicts.UNDECIDED if found == verdicts.SUPPORTED and is_weak else found
+        return verdicts.UNDECIDED if self.taken_by(settings, runs) else found
+
+    def taken_by(self, settings: str, runs: str = "") -> float:
+        """The corrected p that takes a verdict away which its tests support by themselves; 0 where none does."""
+        found = verdicts.combined(one.verdict for one in self.tests(settings, runs or self.runs))
+        p = self.corrected.get((settings, runs or self.runs), 0.0)
+        return p if found == verdicts.SUPPORTED and p >= ALPHA else 0.0
 
     def largest_p(self, settings: str, runs: str) -> float:
         """The largest p of its tests, all of which must hold; 1 where one has none, NaN for a claim of absence."""

@@ -25,7 +25,7 @@ from segar.analysis.report.document.blocks import (
 )
 from segar.analysis.report.document.files import as_block
 from segar.analysis.report.document.missing import what_is_missing
-from segar.analysis.report.number_format import listed, plain
+from segar.analysis.report.number_format import listed, p_value, plain
 from segar.analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
 from segar.analysis.tables import column, count_of, select
 
@@ -165,6 +165,8 @@ def claims_table(claims: Sequence[Claim]) -> Table:
         some = claim.tests(settings)
         known = [one for one in some if np.isfinite(one.found.low)]
         numbers = number(known[0]) if len(some) == len(known) == 1 else verdicts.counted(one.verdict for one in some)
+        if p := claim.taken_by(settings):
+            numbers += f"; over its family, p = {p_value(p)}"
         planned = claim.planned
         runs = f"{planned.present} of {planned.planned}" if planned.planned else ""
         rows.append([claim.name, claim.verdict(settings), claim.statement, numbers, runs, claim.needs])
