@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from segar.analysis.report.claims import verdicts
-from segar.analysis.report.claims.claim import LEARNED, METRIC_OURS, Claim, Finding, is_correlation
+from segar.analysis.report.claims.claim import LEARNED, METRIC_OURS, Claim, Finding
 from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.document.blocks import SHORT
 from segar.analysis.report.number_format import estimate_text
 from segar.analysis.tables import select
 
@@ -67,4 +68,4 @@ def leading(claim: Claim, settings: str) -> Finding | None:
 
 def number(one: Finding) -> str:
     """An estimate with its interval and what it rests on."""
-    return estimate_text(one.found, "r" if is_correlation(one.measure) else one.measure.removeprefix("mean "))
+    return estimate_text(one.found, SHORT.get(one.measure, one.measure))

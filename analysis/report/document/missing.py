@@ -20,11 +20,11 @@ def what_is_missing(evidence: Evidence) -> list[Block]:
         return [Paragraph(said + (" and others." if len(missing) > MOST_NAMED else "."), "warning")]
     rows = []
     for name, title, runs, tests in by_experiment:
-        hours = plain(runs * hours_of_one(results, [name]), 1) if runs else ""
+        hours = plain((runs + tests) * hours_of_one(results, [name]), 1)
         rows.append([f"`{name}`", title, f"{runs}", f"{tests}", hours])
     head = ("experiment", "what it is about", "missing runs", "runs that lack tests or probes", "hours on one core")
     caption = (
         "Each is named in `missing.csv`. Hours: of training and evaluation, as runs of it took that are there, or those of an "
-        "earlier plan."
+        "earlier plan. Agents that lack tests are trained again, because the tables do not hold them."
     )
     return [Heading("What is missing"), Table(head, rows, 2, caption)]

@@ -1,6 +1,7 @@
 """The report's text: which claims, tables and figures stand where, and the sentences between them."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -26,6 +27,7 @@ from segar.analysis.report.document.blocks import (
 from segar.analysis.report.document.files import as_block
 from segar.analysis.report.document.missing import what_is_missing
 from segar.analysis.report.number_format import listed, p_value, plain
+from segar.analysis.report.results import optional
 from segar.analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
 from segar.analysis.tables import column, count_of, select
 
@@ -64,9 +66,9 @@ GLOSSARY = (
     "W2 in standard deviations, and full returns.",
     "**Runs that learned**: those above the gate. The verdicts are about them; a second row has all runs.",
     "**Supported**: the runs show the claimed effect, and it is large enough to matter. **Not supported**: they show the "
-    "opposite, or rule out an effect that matters. **Undecided**: neither. **Not yet tested**: more than a tenth of the "
-    "planned runs are missing. **Cannot be tested**: the outcome has no room for an effect that matters, or there "
-    "are too few blocks.",
+    "opposite, or rule out an effect that matters. **Undecided**: neither, or other specifications or the correction over a "
+    "family of claims take the verdict away. **Not yet tested**: more than a tenth of the planned runs are missing. **Cannot "
+    "be tested**: the outcome has no room for an effect that matters, or there are too few blocks.",
 )
 ENCODERS = {"keypoints": "keypoints", "impala": "IMPALA CNN", "cnn_2022": "CNN of 2022"}
 LOOKS = {"rgb_stack2": "two frames in solid colours", "textures": "one frame of textures"}
@@ -149,6 +151,7 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         *whose_settings(evidence, there),
         *how_verdicts_are_decided(evidence),
         *written_before(),
+        *how_often_rules_err(evidence.all_results.folder),
         *what_was_run(evidence),
     ]
     title = "Does the distance between training and test levels predict the generalization gap?"
@@ -319,8 +322,7 @@ def written_before() -> list[Block]:
     """When the rules were written, the hash of their file, and the one test of each claim that they name."""
     text = (
         f"These rules were written on {WRITTEN}, in `analysis/report/rules.yaml` (SHA-256 `{SHA256[:16]}`). "
-        f"{sentence(RULES['seen'])} How often the tests of rules 2 err on planted grids of 360 learned runs is in "
-        "`docs/results/error_rates.csv`."
+        f"{sentence(RULES['seen'])}"
     )
     primary = [f"**{name}**: {sentence(words)}" for name, words in RULES["primary"].items()]
     choices = [f"**{name.capitalize()}**: {'; '.join(names)}." for name, names in RULES["specifications"].items()]
@@ -333,6 +335,19 @@ def written_before() -> list[Block]:
         *(Heading("The choices of specifications", 3), Bullets(choices)),
         *(Heading("The designed study", 3), Bullets(designed)),
     ]
+
+
+def how_often_rules_err(folder: Path) -> list[Block]:
+    """How often the rules say "supported" where it is known what is true; nothing where that was not simulated."""
+    table = optional(folder / "error_rates.csv")
+    if table.empty:
+        return []
+    rows = [
+        [f"{claim}", f"{claimed}", f"{runs}", *(f"{share:.3f}" for share in column(part, verdicts.SUPPORTED))]
+        for (claim, claimed, runs), part in table.groupby(["claim", "claimed", "runs"], sort=False)  # type: ignore[misc]
+    ]
+    kinds = [f"{planted}, {noise} noise" for planted, noise in table[["planted", "noise"]].drop_duplicates().to_numpy()]
+    return [Heading("How often the rules err"), Table(("", "claims", "rows", *kinds), rows, 2, TABLES["error_rates"])]
 
 
 def sentence(text: object) -> str:
