@@ -23,10 +23,11 @@ from playgrounds import BUILD, PLAYGROUNDS, frame
 import segar
 from segar.cli import main as run_segar
 from segar.cli.figures import together
+from segar.evaluation import Scripted, play_episodes
 from segar.hardness import hardness
 from segar.language import Factor, Parameter, all_subclasses
 from segar.levels import TASK_LEVELS, Levels
-from segar.playground import make_playground
+from segar.playground import aim_of, make_playground
 from segar.rendering import View
 from segar.support import aligned
 from segar.tasks import task_of
@@ -35,6 +36,8 @@ FOLDER = BUILD / "site-source" / "environments"
 FRAMED = PLAYGROUNDS / FOLDER.name
 PICTURES, ACROSS = 8, 4  # levels that a page shows, and how many side by side
 SIDE, GAP = 256, 8  # [px] of a picture, and between pictures
+MOVING, QUALITY, MOST_FRAMES = 256, 60, 40  # [px] of a moving level, percent, and pictures
+STEP_TIME, LAST_TIME = 100, 1500  # [ms] of its pictures, and of the last one
 MEASURED, PLAYS = 20, 50  # levels whose hardness is measured, and random episodes on each
 PLAYED = 100  # levels of a playground
 PLAYERS = {"random": "random actions", "scripted": "the scripted player", "oracle": "the planner"}
@@ -43,6 +46,8 @@ LONG_NUMBER = re.compile(r"-?\d+\.\d{7,}")
 
 PAGE = """# {name}
 
+{aim}
+{moving}
 {summary}
 
 ![The first levels of {name}, drawn for people]({name}.png)
@@ -80,6 +85,13 @@ Random actions played each level {plays} times. [Measure hardness](../how-to/mea
 ## Factors and parameters that are constant
 
 {constant}
+"""
+
+MOVES = """
+```{{raw}} html
+<picture><source media="(prefers-reduced-motion: reduce)" srcset="{name}-still.webp"><img src="{name}-moving.webp"
+alt="the scripted player plays a level of {name}" width="{size}" height="{size}"></picture>
+```
 """
 
 COMMANDS = {
@@ -127,6 +139,8 @@ def environment_page(name: str) -> str:
     rows = shared_rows(described["marginals"])
     return PAGE.format(
         name=name,
+        aim=aim_of(levels),
+        moving=moving_level(levels, name),
         summary=summary_of(levels, {row[1] for row in rows if row[0]}),
         commands=aligned([(command.format(name=name), f"# {use}") for command, use in COMMANDS.items()]),
         pictures=PICTURES,
@@ -164,6 +178,34 @@ def playground_of(name: str) -> str:
     page = make_playground(segar.family(name).sample(PLAYED, seed=0, split="train"), title=name)
     page.save(FRAMED / file)
     return f"\n## Play it\n{frame(file, name)}"
+
+
+def moving_level(levels: Levels, name: str) -> str:
+    """The level that takes the scripted player longest, again and again; it stands for readers who ask for less motion."""
+    view, player = View(size=MOVING, labels=False, line=False), Scripted()
+    played = play_episodes(levels, np.arange(len(levels)), player, seed=0)
+    chosen = np.argmax(np.where(played.success, played.length, 0))
+    env = segar.envs.VectorEnv(levels, 1, render_mode="rgb_array", view=view, seed=0, autoreset_mode="Disabled")
+    observations, _ = env.reset(seed=0, options={"levels": np.array([chosen])})
+    player.begin(env)
+    frames, over = [picture_of(env)], False
+    while not over:
+        observations, _, terminated, truncated, _ = env.step(player(observations))
+        over = bool(terminated[0] or truncated[0])
+        frames.append(picture_of(env))
+    frames[0].save(FRAMED / f"{name}-still.webp", quality=QUALITY)
+    each = -(-len(frames) // MOST_FRAMES)
+    shown = [*frames[:-1:each], frames[-1]]
+    times = [STEP_TIME * each] * (len(shown) - 1) + [LAST_TIME]
+    place = FRAMED / f"{name}-moving.webp"
+    shown[0].save(place, save_all=True, append_images=shown[1:], duration=times, loop=0, quality=QUALITY)
+    return MOVES.format(name=name, size=MOVING)
+
+
+def picture_of(env: segar.envs.VectorEnv) -> Image.Image:
+    frames = env.render()
+    assert frames is not None
+    return Image.fromarray(frames[0])
 
 
 def draw(levels: Levels, sheet: Path, first: Path) -> None:

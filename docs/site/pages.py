@@ -23,6 +23,8 @@ BESIDE = ("CHANGELOG.md", "CONTRIBUTING.md")
 
 FENCE = re.compile(r"^```.*?^```$", re.M | re.S)
 LINK = re.compile(r"(?<=\]\()(?!https?:)([^)#\s]+)((?:#[^)\s]+)?\))")
+MATCH = re.compile(r"\[!\[[^\]]*\]\([^)]*\)\]\(here:(beat-the-agent\.html)\)")  # a picture of a match, which
+PLAYED = r'<iframe class="match" src="\1" title="Beat the agent"></iframe>'  # the front page plays
 PICTURES = (".png", ".svg", ".gif")
 LEXERS = {".py": "python", ".yaml": "yaml", ".cff": "yaml", ".toml": "toml"}
 SECTIONS = {"how-to": "How-to pages", "reference": "Reference", "decisions": "Decisions and results"}
@@ -91,6 +93,7 @@ class Pages:
         self.texts["tutorial.md"] = with_frames(self.texts["tutorial.md"])
         results = "Results <results/README>"
         self.add_page("index.md", ROOT / "README.md", (ROOT / "README.md").read_text(encoding="utf-8"))
+        self.texts["index.md"] = MATCH.sub(PLAYED, self.texts["index.md"])
         self.texts["index.md"] += FRONT.format(results=results)
         self.texts["results/README.md"] += self.reports()
         pages = (page for name in ("findings", "leaderboard") for page in sorted(DOCS.glob(f"results/*/{name}.md")))

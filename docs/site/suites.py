@@ -77,6 +77,14 @@ Of the levels that were drawn for the test, {unsolved} were left out because the
 
 {results}
 
+## Play against an agent
+
+```sh
+segar playground {name} --policy {row} -o page.html
+```
+
+[A match against an agent](../how-to/show-a-world-in-a-browser.md#a-match-against-an-agent) says how it is played.
+
 ## Train on it
 
 ```sh
@@ -162,6 +170,7 @@ def page_of(one: Suite, told: Mapping[str, Any]) -> str:
         certificates=table(("player", "share of test levels solved"), certificates),
         results=results_of(one),
         observation="rgb" if one.textures else "state",
+        row="ppo_fast-rgb_stack2-laptop" if one.textures else "ppo_fast-state-laptop",
         hashes=table(("part", "hash"), [("suite", f"`{one.hash}`"), *((k, f"`{v}`") for k, v in told["hashes"].items())]),
     )  # fmt: skip
 

@@ -2,5 +2,6 @@ from .page import Playground as Playground, make_playground
 from .policy import WEIGHTS as WEIGHTS
 from .run_folder import read_policy, read_row_policy as read_row_policy
 from .studio import Studio as Studio
+from .world import aim_of as aim_of
 
 __all__ = ["make_playground", "read_policy"]

@@ -18,6 +18,11 @@ from segar.playground.modules import Blobs, described_module
 from segar.rendering import Stage, steps_per_second
 from segar.tasks import task_of
 
+AIMS = {
+    "puttputt": "Hit the ball to the middle of the goal.",
+    "invisiball": "Hit the ball to the middle of the goal; some of it is not to be seen.",
+    "billiards": "Push the cue ball so that the others fall into the pockets, and it does not.",
+}
 BINS = 32  # of a prior's density
 TINY = 1e-9  # a negative number that is nearly zero
 TAIL = 0.002  # of a distribution without bounds that is not drawn, on each side
@@ -63,6 +68,7 @@ def described_set(
     return {
         **described_world(levels.layout, task),
         "title": title,
+        "aim": aim_of(levels, task),
         "count": len(levels),
         "hash": hash_of_levels(levels),
         "module": world,
@@ -84,6 +90,14 @@ def described_set(
         "sampled": [blobs.add(changed.tobytes()), blobs.add(levels.sampled_values.ravel()[changed].tobytes())],
         "priors": _priors(levels.distribution) if isinstance(levels.distribution, LevelDistribution) else [],
     }
+
+
+def aim_of(levels: Levels, task: Task | None = None) -> str:
+    """The aim of a task in a sentence for who plays it; empty for tasks of the user's own without a goal."""
+    known = AIMS.get((task or task_of(levels)).name.partition("-")[0], "")
+    return known or (
+        AIMS["puttputt"] if any(issubclass(kind, language.GoalTile) for kind in levels.layout.types) else ""
+    )
 
 
 def name_of(observation: str | Observation) -> str:

@@ -130,6 +130,13 @@ def test_a_step_of_the_tutorial_shows_the_page_that_its_command_makes(step, play
     assert "<canvas" in (SITE / "tutorial" / f"{playground}.html").read_text()
 
 
+def test_the_front_page_is_a_match_and_each_environment_opens_with_a_moving_level_and_its_aim():
+    assert '<iframe class="match" src="beat-the-agent.html"' in (SITE / "index.html").read_text()
+    for name in (*segar.families(), *TASK_LEVELS):
+        aim, moving = (SITE / "environments" / f"{name}.html").read_text().split("</h1>")[1].split("<picture>")[:2]
+        assert re.search(r"<p>\w[^<]*\.</p>", aim) and f"{name}-moving.webp" in moving.split("</picture>")[0]
+
+
 @pytest.mark.parametrize("room", ROOMS)
 def test_the_api_has_an_entry_for_every_public_name(room):
     page = page_at(SITE / "api" / f"{room}.html")

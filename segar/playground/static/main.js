@@ -16,10 +16,6 @@ import { Scene } from "segar/scene.js";
 import { World } from "segar/world.js";
 
 const REACH = 0.6; // [m] from the ball to where a hit is as hard as can be
-const AIMS = {
-  puttputt: "Bring the ball to the goal.", invisiball: "Bring the ball to the goal; some of it is not to be seen.",
-  billiards: "Push the cue ball so that the others fall into the pockets, and it does not.",
-};
 const SAID_EVERY = 1000; // [ms] at least, between two sentences for who listens
 const KEYS = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
@@ -83,9 +79,7 @@ class Page {
     this.listen();
     const { slots, agents } = this.levels.about;
     const body = agents.map((slot) => slots[slot].name).join(" or ") || "the body that acts";
-    const known = Object.keys(AIMS).find((name) => this.levels.about.task.name.split("-")[0] === name);
-    const aim = known ? AIMS[known] : slots.some((slot) => slot.name === "goal") ? AIMS.puttputt : "";
-    $("about").textContent = `${aim} Drag from ${body}, or press an arrow key, to hit it. “Overlays” names the things.`.trim();
+    $("about").textContent = `${this.levels.about.aim} Drag from ${body}, or press an arrow key, to hit it. “Overlays” names the things.`.trim();
     this.actionSliders();
     let last = performance.now();
     const tick = (now) => {

@@ -212,8 +212,7 @@ export function matchOf(page) {
   page.player.speed = SPEED;
   page.scene.says = (thing) => (!thing.agent ? thing.type.goal ? "goal" : thing.type.name : waits() ? "you: drag from here" : "you");
   document.getElementById("title").textContent = "Beat the agent";
-  const aim = page.levels.about.kinds.some((kind) => kind.goal) ? "Hit your ball to the middle of the goal" : page.aimInWords;
-  document.getElementById("about").textContent = `${aim}. A trained agent, the violet ghost, plays the same level: five levels as in its training, then five of a test.`;
+  document.getElementById("about").textContent = `${page.levels.about.aim} A trained agent, the violet ghost, plays the same level: five levels as in its training, then five of a test.`;
   return { begin, ended, ghost, key, leave, resume, status, get moves() { return at < rounds.length && waits(); } };
 }
 

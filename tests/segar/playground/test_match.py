@@ -1,5 +1,9 @@
 """A match in a page: five training levels and five test levels beside the agent, by keys alone or by touch; then the gaps."""
 
+import base64
+import gzip
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +13,9 @@ import pytest
 import segar
 from segar.evaluation import RecordedActions, find_baselines, play_episodes
 from segar.playground import make_playground
+from segar.playground.page import DOCUMENTATION, STATIC
 from segar.policies import NetworkPolicy
+from tests.places import ROOT
 from tests.segar.playground.browsers import Browser, Chromium
 from tests.segar.playground.test_policies import convolutional
 
@@ -108,6 +114,23 @@ def test_the_whole_playground_is_behind_a_match(chromium: Chromium, match: Path)
     assert not chromium.page.is_visible("#panels")
     chromium.page.get_by_role("button", name="Open the whole playground").click()
     assert chromium.page.is_visible("#panels") and not chromium.page.query_selector("#match")
+
+
+def test_the_page_that_the_readme_names_has_the_program_of_today() -> None:
+    page = (ROOT / "docs" / "beat-the-agent.html").read_text(encoding="utf-8")
+    packed = base64.b85decode(re.findall(r'id="data">([^<]*)', page)[0].replace(",", "<"))
+    data = gzip.decompress(packed[4 : 4 + int.from_bytes(packed[:4], "big")])
+    start = 8 + int.from_bytes(data[:8], "little")
+    about = json.loads(data[8:start])
+    scripts = {
+        name: data[start + about["blobs"][k][0] :][: about["blobs"][k][1]] for name, k in about["scripts"].items()
+    }
+    now = {path.name: DOCUMENTATION.sub("", path.read_text(encoding="utf-8")).encode() for path in STATIC.glob("*.js")}
+    command = "segar playground number-more-v1 --policy ppo_fast-state-laptop -o docs/beat-the-agent.html"
+    assert scripts == {name: now[name] for name in scripts} and (STATIC / "page.css").read_text() in page, (
+        f"run {command}"
+    )
+    assert len(page) <= 300_000 and command.replace("docs/beat-the-agent", "page") in (ROOT / "README.md").read_text()
 
 
 def test_a_match_needs_all_its_parts() -> None:
