@@ -17,6 +17,8 @@ Settings, as name=value:
   policy=module:function     a method that was trained elsewhere: function(side, seed) gives its policy, a function of
                              observations, for the training side of a suite. It acts in a process of its own, and its actions
                              are recorded. It needs row=NAME; privileged=true says that it plans in the simulator
+  policy=FILE.onnx           a policy that was trained elsewhere, as data: ONNX, which the row carries and onnxruntime plays;
+                             or a folder with files <suite>-s<seed>.onnx
   policy_seconds=600         the longest wait for an answer of that process
   actions=FOLDER             what a method did, as files <suite>-s<seed>.npz with an array "test" [levels, steps, components],
                              and "train"; needs row=NAME
@@ -310,7 +312,8 @@ def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) ->
         seeds = [task.seed for task in waiting if task.suite == name]
         rows.append([name, ", ".join(map(str, seeds)), in_minutes(seconds * len(seeds) / processes)])
     print(table(head, rows))
-    beside = f", and as long as {config.policy} itself takes, which only it knows" if config.policy else ""
+    is_code = config.policy and not config.is_onnx
+    beside = f", and as long as {config.policy} itself takes, which only it knows" if is_code else ""
     print(f"about {in_minutes(seconds * len(waiting) / processes)} with {processes} at a time{beside}", flush=True)
     if config.dry_run:
         return
@@ -390,7 +393,7 @@ def add(config: BenchmarkConfig, method: Method, found: Sequence[NewPiece]) -> R
     """The row with these pieces, each file of which is named by suite and seed."""
     named = []
     for one in found:
-        file = f"{piece_name(one.piece.suite, one.piece.seed)}.npz" if one.path else ""
+        file = f"{piece_name(one.piece.suite, one.piece.seed)}{one.path.suffix}" if one.path else ""
         named.append(NewPiece(dataclasses.replace(one.piece, file=file), one.episodes, one.path))
     return add_pieces(config.folder / method.name, method, named)
 

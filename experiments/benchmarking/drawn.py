@@ -16,14 +16,13 @@ import numpy as np
 from segar.envs import Policy, VectorEnv
 from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scripted, record_actions
 from segar.experiments.benchmarking.level_sets import number_of_levels
-from segar.experiments.benchmarking.playing import SEED, options_of, play_each, read_actions
+from segar.experiments.benchmarking.playing import SEED, options_of, play_each, policy_in, read_actions
 from segar.experiments.benchmarking.policy_process import SECONDS, PolicyProcess
 from segar.experiments.benchmarking.row import RANDOM_PLAYS, Drawn, Method, Piece
 from segar.experiments.runs.files import read_json, write_text
 from segar.experiments.settings import ConfigError, RunFolderError
 from segar.hardness import Plan, plan
 from segar.levels import Levels, hash_of_levels
-from segar.policies import Network, NetworkPolicy
 from segar.suites import Suite, suite
 from segar.support import sha256_of
 
@@ -133,8 +132,9 @@ def _acting(
         yield RecordedActions(given.plan.actions) if method.name == "planner" else players[method.name](), options
         return
     options = options_of(of, method, train, "test")
-    if method.kind == "networks":
-        yield NetworkPolicy(Network.load(file), unit_actions=True), options
+    if method.kind in ("networks", "onnx"):
+        policy, options["unit_actions"] = policy_in(file)
+        yield policy, options
         return
     options["unit_actions"] = False
     name = method.settings["policy"]

@@ -24,9 +24,13 @@ def method_of(config: BenchmarkConfig) -> Method:
         return Method(config.row or config.player, "player", SAYS[config.player])
     if config.actions:
         return Method(config.row, "actions", "actions of a method that was trained elsewhere")
+    seen = {"name": run.observation.name, "options": dict(run.observation.options)}
+    if config.is_onnx:
+        return Method(
+            config.row, "onnx", f"ONNX, trained elsewhere, on {run.observation.name}", settings={"observation": seen}
+        )
     if config.policy:
         says = f"{config.policy}, trained elsewhere, on {run.observation.name}"
-        seen = {"name": run.observation.name, "options": dict(run.observation.options)}
         settings: dict[str, Any] = {"observation": seen, "policy": config.policy}
         return Method(
             config.row, "actions", says, settings=settings | ({"privileged": True} if config.privileged else {})

@@ -9,14 +9,24 @@ import numpy as np
 from segar.evaluation import record_actions
 from segar.experiments.benchmarking.drawn import policy_process
 from segar.experiments.benchmarking.level_sets import LevelSet, hashes_of, plays_twins, sets_of
-from segar.experiments.benchmarking.playing import options_of, play_actions, play_player, read_actions, write_actions
+from segar.experiments.benchmarking.playing import (
+    options_of,
+    play_actions,
+    play_file,
+    play_player,
+    read_actions,
+    write_actions,
+)
 from segar.experiments.benchmarking.policy_process import SECONDS
-from segar.experiments.benchmarking.protocol import SIDES, piece_name
+from segar.experiments.benchmarking.protocol import ONNX, SIDES, piece_name
 from segar.experiments.benchmarking.row import Method, Piece, file_hash, read_piece, write_piece
+from segar.experiments.runs.files import write_bytes
 from segar.experiments.runs.versions import versions
+from segar.experiments.settings import RunFolderError
 from segar.suites import Suite, suite
+from segar.support import content_of
 
-ACTIONS = "actions.npz"
+ACTIONS, MODEL = "actions.npz", f"policy{ONNX}"
 
 
 @dataclass(frozen=True)
@@ -24,8 +34,8 @@ class PlayerTask:
     """One piece: the method, the suite, the seed, and the folder that it is written to.
 
     ``policy`` names a function ``(training side, seed) -> policy`` of a method that was trained elsewhere, for whose answers
-    ``seconds`` are waited; ``actions`` is the folder with its files of actions. Both are empty for the players of the
-    benchmark.
+    ``seconds`` are waited, or its ONNX files; ``actions`` is the folder with its files of actions. Both are empty for the
+    players of the benchmark.
     """
 
     method: Method
@@ -52,6 +62,12 @@ def make_piece(task: PlayerTask) -> dict[str, float]:
     made_with = {name: found[name] for name in ("python", "libraries", "git")}
     if task.method.kind == "player":
         file, episodes = "", play_player(player, of, sets, task.seed)
+    elif task.method.kind == "onnx":
+        given, file = Path(task.policy), MODEL
+        if given.is_dir():
+            given /= f"{piece_name(task.suite, task.seed)}{ONNX}"
+        write_bytes(task.folder / file, content_of(given, "ONNX file", RunFolderError))
+        episodes = play_file(task.folder / file, of, task.method, sets, task.seed)
     else:
         if task.actions:
             path = action_file(Path(task.actions), task.suite, task.seed)

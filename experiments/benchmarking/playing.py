@@ -12,12 +12,12 @@ import pyarrow as pa
 from segar.envs import Policy
 from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scripted, evaluate_levels, play_episodes
 from segar.experiments.benchmarking.level_sets import LevelSet, number_of_levels, sets_of
-from segar.experiments.benchmarking.protocol import CONTROL, SIDES, TWIN
+from segar.experiments.benchmarking.protocol import CONTROL, ONNX, SIDES, TWIN
 from segar.experiments.benchmarking.row import EPISODES, Method, Piece
 from segar.experiments.levels.builders import environment_options
 from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
 from segar.levels import Levels, hash_of_levels
-from segar.policies import Network, NetworkPolicy
+from segar.policies import Network, NetworkPolicy, OnnxPolicy
 from segar.suites import RANDOM_PLAYS, Suite, plans_on
 from segar.support import Form, open_npz
 
@@ -31,11 +31,17 @@ def options_of(suite: Suite, method: Method, train: Levels, side: str) -> dict[s
     return environment_options(run, train=train, which=side)
 
 
-def play_network(network: Network, suite: Suite, method: Method, sets: Mapping[str, LevelSet], seed: int) -> pa.Table:
-    """The episodes of a network without noise, one on each level."""
-    policy = NetworkPolicy(network, unit_actions=True)
+def policy_in(file: Path) -> tuple[Policy, bool]:
+    """The policy in a file of a row, a network or an ONNX model, and whether its actions lie in [-1, 1] in any task."""
+    if file.suffix == ONNX:
+        return OnnxPolicy(file), False
+    return NetworkPolicy(Network.load(file), unit_actions=True), True
 
-    options = {side: options_of(suite, method, sets["train"].levels, side) for side in SIDES}
+
+def play_file(file: Path, suite: Suite, method: Method, sets: Mapping[str, LevelSet], seed: int) -> pa.Table:
+    """The episodes of the policy in a file, without noise, one on each level."""
+    policy, unit = policy_in(file)
+    options = {side: {**options_of(suite, method, sets["train"].levels, side), "unit_actions": unit} for side in SIDES}
     played = {name: play_each(one.levels, policy, options[one.side]) for name, one in sets.items()}
     return table_of(suite, seed, sets, played)
 
@@ -132,4 +138,4 @@ def replay(method: Method, piece: Piece, suite: Suite, folder: Path) -> pa.Table
         return play_player(method.name, suite, sets, piece.seed)
     if method.kind == "actions":
         return play_actions(read_actions(folder / piece.file), suite, sets, piece.seed)
-    return play_network(Network.load(folder / piece.file), suite, method, sets, piece.seed)
+    return play_file(folder / piece.file, suite, method, sets, piece.seed)

@@ -20,6 +20,8 @@ PROTOCOL = 2
 """The version of the protocol by which levels are drawn from what a row is; rows of different ones do not compare."""
 SHIPPED = WORKSPACE / "docs" / "results" / "benchmark"
 """The folder of the rows that come with SEGAR."""
+ONNX = ".onnx"
+"""How names of files of ONNX models end."""
 SIDES = ("train", "test")
 TWIN, CONTROL = "twin-", "control-"
 """How names of sets of causal twins begin: where training and test differ in the group of factors, and where they do not."""

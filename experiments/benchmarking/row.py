@@ -32,7 +32,7 @@ from segar.support import first_line, sha256_of, shown
 FORMAT = 1
 ROW, TABLE, MEANS, PIECE = "row.json", "episodes.parquet", "levels.parquet", "piece.json"
 FETCH = "`segar results fetch` gets what is published"
-KINDS = ("player", "networks", "actions")
+KINDS = ("player", "networks", "onnx", "actions")
 DIGITS = 16  # of hashes
 WAIT = 600.0  # [s] for other processes that add pieces, such as the jobs of a cluster
 EPISODES = pa.schema(

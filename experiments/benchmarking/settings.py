@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from segar.experiments.benchmarking.policy_process import SECONDS
-from segar.experiments.benchmarking.protocol import BUDGETS, PLAYERS, SHIPPED, is_about_looks, suites_named
+from segar.experiments.benchmarking.protocol import BUDGETS, ONNX, PLAYERS, SHIPPED, is_about_looks, suites_named
 from segar.experiments.benchmarking.row import NAME
 from segar.experiments.runs.run_folder import runs_root
 from segar.experiments.settings import ConfigError, Count, LevelCount, RunConfig, require, require_known
@@ -57,6 +57,11 @@ class BenchmarkConfig:
         require(bool(suites_named(self.suites)), "suite", "[]", "a suite, or several")
         own_name = "a name of letters, digits, spaces and _ . + -, without folders: rows=FOLDER says where"
         require(not self.row or NAME.fullmatch(self.row) is not None, "row", self.row, own_name)
+
+    @property
+    def is_onnx(self) -> bool:
+        """Whether the policy is an ONNX file, or a folder of such files, which the row carries."""
+        return self.policy.endswith(ONNX) or Path(self.policy or ONNX).is_dir()
 
     @property
     def trusted(self) -> tuple[str, ...]:

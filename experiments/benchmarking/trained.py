@@ -6,7 +6,7 @@ from pathlib import Path
 from segar.envs import VectorEnv
 from segar.experiments.algorithms.portable import network_of
 from segar.experiments.benchmarking.level_sets import hashes_of, number_of_levels, plays_twins, sets_of
-from segar.experiments.benchmarking.playing import play_network
+from segar.experiments.benchmarking.playing import play_file
 from segar.experiments.benchmarking.row import Method, NewPiece, Piece, read_piece, write_piece
 from segar.experiments.collection.collector import observation_shape
 from segar.experiments.commands import process_defaults as runtime
@@ -32,9 +32,8 @@ def piece_of(run: RunConfig, method: Method) -> NewPiece:
     network, bits = rounded(network_in(folder, run, of))
     place.mkdir(parents=True, exist_ok=True)
     network.save(place / NETWORK_FILE)
-    network = Network.load(place / NETWORK_FILE)
     sets = sets_of(of, run.levels.seed, number_of_levels(method), plays_twins(method))
-    episodes = play_network(network, of, method, sets, run.seed)
+    episodes = play_file(place / NETWORK_FILE, of, method, sets, run.seed)
     piece = Piece(of.name, of.hash, run.seed, hashes_of(sets), run.label(), NETWORK_FILE, bits, made_with(folder))
     write_piece(place, piece, episodes)
     return NewPiece(piece, episodes, place / NETWORK_FILE)

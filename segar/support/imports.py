@@ -206,6 +206,7 @@ EXTRAS = {
     "datasets": ("minari", "h5py"),
     "filters": ("safetensors",),
     "lab": ("mcp",),
+    "onnx": ("onnxruntime",),
     "sb3": ("stable_baselines3",),
     "results": ("pooch",),
     "studio": ("starlette", "uvicorn"),

@@ -52,6 +52,7 @@ PLACES_WITH_AN_EXTRA = {
     "segar/datasets/": "datasets",
     "segar/textures/": "filters",
     "segar/envs/sb3_env.py": "sb3",
+    "segar/policies/onnx_policy.py": "onnx",
     "segar/cli/cite.py": "train",
     "segar/support/published.py": "results",
     "segar/playground/run_folder.py": "train",

@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from segar.envs import VectorEnv
 from segar.experiments.benchmark import (
     BenchmarkConfig,
     again,
@@ -53,10 +54,11 @@ from segar.experiments.settings import (
 )
 from segar.levels import hash_of_levels
 from segar.policies import Network, NetworkPolicy
-from segar.suites import AXES, CORE, evaluate_on_suite, find_causes, outline, suite, twins
+from segar.suites import AXES, CORE, evaluate_on_suite, find_causes, outline, side_options, suite, twins
 from segar.support import EVERYTHING
 from tests.experiments.benchmarking import lab_method
 from tests.experiments.short_runs import run_module
+from tests.onnx_models import linear
 
 SUITE = "place-few-v1"
 WITH_TWINS = "sight-mass-v1"
@@ -75,7 +77,7 @@ def row_made_here(config, of=SUITE):
     make_piece(PlayerTask(method, of, 1, folder, config.policy, config.actions, config.policy_seconds))
     new = read_piece(folder)
     assert new is not None
-    file = f"{of}-s1.npz" if new.path else ""
+    file = f"{of}-s1{new.path.suffix}" if new.path else ""
     return add_pieces(
         config.folder / method.name, method, [dataclasses.replace(new, piece=dataclasses.replace(new.piece, file=file))]
     )
@@ -192,6 +194,18 @@ def test_a_method_from_outside_becomes_a_row_of_its_actions(tmp_path):
     assert row.method.kind == "actions" and verify(row) == 225
     actions = read_actions(row.folder / f"{SUITE}-s1.npz")
     assert actions["test"].shape[::2] == (200, 2) and np.abs(actions["test"]).max() <= 1
+
+
+def test_a_policy_in_onnx_is_carried_and_plays_to_the_bit_without_trust(tmp_path, few_drawn):
+    env = VectorEnv(num_envs=1, **side_options(suite(SUITE), "test"))
+    linear(tmp_path / "mine.onnx", env.single_observation_space.shape)
+    row = row_made_here(config_of(tmp_path, policy=str(tmp_path / "mine.onnx"), row="mine"))
+    (tmp_path / "mine.onnx").unlink()
+    row = drawn_here(row)
+    assert verify(row) == len(row.episodes()) + few_drawn and verify(row, salt="words")
+    (row.folder / f"{SUITE}-s1.onnx").write_bytes(b"other weights")
+    with pytest.raises(RunFolderError, match=rf"{SUITE}-s1\.onnx is not what the row was made of"):
+        read_row(row.folder)
 
 
 def test_a_file_of_actions_becomes_a_row_with_or_without_training_levels(tmp_path):

@@ -1,0 +1,88 @@
+"""Policies in ONNX files, as other frameworks export them, played by onnxruntime."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.errors import SegarError
+from segar.policies.network_policy import Environments
+from segar.support import content_of, need
+
+DTYPES = {"tensor(float)": np.dtype(np.float32), "tensor(uint8)": np.dtype(np.uint8)}
+
+
+class OnnxPolicy:
+    """Actions for observations, by the model in an ONNX file; what :func:`segar.evaluate_policy` plays.
+
+    The first input is an observation, float32 or uint8 ``(n, ...)``, and the first output the action, float32 ``(n,
+    components)`` in the range of the task. A second input and a second output, float32 ``(n, numbers)``, are a memory, which is
+    zero where episodes begin. The number ``n`` of environments is free. Nothing is read but the file, and nothing in it is
+    Python code. The last bits of what onnxruntime computes may differ between processors.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        SegarError: onnxruntime is not installed, or the file is no such model; the message names the input or output.
+    """
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        need("a policy in an ONNX file", "onnxruntime")
+        import onnxruntime
+
+        self.path = Path(path)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4  # what goes wrong is an error, and told by it
+        content = content_of(self.path, "ONNX file", SegarError)
+        try:
+            self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # those of onnxruntime have nothing else in common
+            raise SegarError(f"{self.path} is no ONNX model that can be played: {error}") from error
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        if not 1 <= len(inputs) == len(outputs) <= 2:
+            raise self._misfit(
+                f"it has {len(inputs)} inputs and {len(outputs)} outputs; there must be an observation and an action, and a"
+                " memory beside both or neither"
+            )
+        for one in (*inputs, *outputs):
+            known = [*DTYPES][: 2 if one is inputs[0] else 1]
+            if one.type not in known or len(one.shape) < 2 or isinstance(one.shape[0], int):
+                raise self._misfit(
+                    f"'{one.name}' is {one.type} of shape {one.shape}; it must be {' or '.join(known)} of shape (n, ...), where"
+                    " any n will do: export it with a dynamic first axis"
+                )
+        self._names = [one.name for one in inputs]
+        self.dtype, self.observation_shape = DTYPES[inputs[0].type], tuple(inputs[0].shape[1:])
+        self._width = inputs[1].shape[1] if len(inputs) == 2 else 0
+        self._memory = np.zeros((0, self._width), np.float32)
+
+    def begin(self, env: Environments) -> None:
+        """Forget the past, because episodes start in ``env``."""
+        self._memory = np.zeros((env.num_envs, self._width), np.float32)
+
+    def __call__(self, observations: np.ndarray) -> np.ndarray:
+        """Actions float32 ``(n, components)``; raises :class:`SegarError` for observations that the model does not read."""
+        shape = observations.shape[1:] if isinstance(observations, np.ndarray) else None
+        if shape != self.observation_shape or observations.dtype != self.dtype:
+            given = type(observations).__name__ if shape is None else f"{observations.dtype} of shape (n, *{shape})"
+            raise self._misfit(
+                f"it reads observations {self.dtype} of shape (n, *{self.observation_shape}), not {given}"
+            )
+        found = self._run([observations, self._memory][: len(self._names)])
+        if self._width:
+            self._memory = found[1]
+        return found[0]
+
+    def _run(self, given: list[np.ndarray]) -> list[Any]:
+        try:
+            return self._session.run(None, dict(zip(self._names, given, strict=True)))
+        except Exception as error:  # as above
+            raise self._misfit(f"it cannot be played with {len(given[0])} environments: {error}") from error
+
+    def _misfit(self, problem: str) -> SegarError:
+        return SegarError(f"{self.path}: {problem}")

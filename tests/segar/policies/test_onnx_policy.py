@@ -1,0 +1,69 @@
+"""Policies in ONNX files: they play as the model computes, forget where episodes begin, and a file that is none is named."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto
+
+import segar
+from segar.errors import SegarError
+from segar.policies import OnnxPolicy
+from tests.onnx_models import linear
+
+
+@pytest.mark.parametrize(("shape", "dtype"), [((5,), np.float32), ((4, 4, 3), np.uint8)])
+def test_actions_are_what_the_model_computes_for_any_number_of_environments(tmp_path, shape, dtype):
+    kind = TensorProto.FLOAT if dtype == np.float32 else TensorProto.UINT8
+    weight, bias = linear(tmp_path / "p.onnx", shape, dtype=kind)
+    policy, rng = OnnxPolicy(tmp_path / "p.onnx"), np.random.default_rng(1)
+    for n in (1, 7):
+        seen = rng.integers(0, 3, (n, *shape)).astype(dtype)
+        expected = np.clip(seen.reshape(n, -1).astype(np.float32) @ weight + bias, -1, 1)
+        np.testing.assert_allclose(policy(seen), expected, atol=1e-5)
+
+
+def test_a_memory_goes_on_until_episodes_begin(tmp_path):
+    _, bias = linear(tmp_path / "p.onnx", (3,), memory=4)
+    policy, seen = OnnxPolicy(tmp_path / "p.onnx"), np.zeros((2, 3), np.float32)
+    for _ in range(2):
+        policy.begin(SimpleNamespace(num_envs=2))
+        for step in range(3):
+            np.testing.assert_allclose(policy(seen), np.tile(np.clip(bias + step, -1, 1), (2, 1)), atol=1e-6)
+    with pytest.raises(SegarError, match="3 environments"):
+        policy(np.zeros((3, 3), np.float32))
+
+
+def test_it_plays_where_policies_do(tmp_path):
+    levels = segar.family("empty-easy").sample(3, seed=0, split="test")
+    linear(tmp_path / "p.onnx", segar.envs.VectorEnv(levels, 1, seed=0).single_observation_space.shape)
+    assert len(segar.evaluate_policy(OnnxPolicy(tmp_path / "p.onnx"), levels, levels).test.episodes) >= 3
+
+
+def test_what_is_no_such_model_is_named(tmp_path):
+    def refused(named, **changes):
+        linear(tmp_path / "p.onnx", **{"shape": (3,), **changes})
+        with pytest.raises(SegarError, match=named):
+            OnnxPolicy(tmp_path / "p.onnx")
+
+    refused("'observation' is .*dynamic", rows=4)
+    refused("'observation' is tensor.double", dtype=TensorProto.DOUBLE)
+    refused("'observation' is .* of shape ..n..", shape=())
+    (tmp_path / "p.onnx").write_bytes(b"\x08\x01 nothing of the kind")
+    with pytest.raises(SegarError, match=r"p\.onnx is no ONNX model"):
+        OnnxPolicy(tmp_path / "p.onnx")
+    with pytest.raises(SegarError, match="there is no ONNX file"):
+        OnnxPolicy(tmp_path / "q.onnx")
+    linear(tmp_path / "p.onnx", (3,))
+    for wrong in (np.zeros((1, 4), np.float32), np.zeros((1, 3)), [[0.0] * 3]):
+        with pytest.raises(SegarError, match=r"p\.onnx: it reads observations float32"):
+            OnnxPolicy(tmp_path / "p.onnx")(wrong)
+
+
+def test_a_model_reads_no_other_file(tmp_path):
+    linear(tmp_path / "whole.onnx", (300,))
+    model = onnx.load(tmp_path / "whole.onnx")
+    onnx.save(model, tmp_path / "p.onnx", save_as_external_data=True, location="weights", size_threshold=0)
+    with pytest.raises(SegarError, match=r"p\.onnx is no ONNX model"):
+        OnnxPolicy(tmp_path / "p.onnx")
