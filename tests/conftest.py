@@ -26,12 +26,13 @@ PAPER = Path(os.environ.get("SEGAR_PAPER", Path(__file__).parents[2] / "shared" 
 collect_ignore = [] if PAPER.is_file() else ["project/test_paper_listings.py"]
 
 
-# Files that take long, and are begun first: no worker is left with one of them when the others are done.
-LONG = ("tests/segar/playground/", "tests/segar/envs/test_device", "tests/segar/engine/", "tests/experiments/")
+# Files that take long are begun first, so that no worker is left with one of them when the others are done; three that compile
+# different kernels begin.
+LONG = ("playground/test_bits", "envs/test_device", "engine/targets/", "playground/", "engine/", "experiments/")
 
 
 def pytest_collection_modifyitems(items) -> None:
-    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
+    items.sort(key=lambda item: next((k for k, part in enumerate(LONG) if part in item.nodeid), len(LONG)))
 
 
 def pytest_collection_finish() -> None:
