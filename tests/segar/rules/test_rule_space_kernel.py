@@ -45,9 +45,9 @@ def ends(levels: Levels, make=Simulator, sub_steps: int = 25) -> np.ndarray:
     return state.values
 
 
-@pytest.mark.parametrize("name", ["objectsx3-hard", pytest.param("tilesx3-hard", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["objectsx1-hard", pytest.param("tilesx3-hard", marks=pytest.mark.slow)])
 def test_kernel_and_interpreter_agree_on_random_rule_sets(name, request):
-    count = 60 if name == "objectsx3-hard" else 1000
+    count = 60 if name == "objectsx1-hard" else 1000
     levels = charged(family(name).with_rules(dynamics_space(DiscreteRangeNoise(0, 6))).sample(count, seed=2))
     state = random_states(levels, count, np.random.default_rng(3), speed=1.0)
     state.level[:] = np.arange(count)
@@ -58,7 +58,7 @@ def test_kernel_and_interpreter_agree_on_random_rule_sets(name, request):
 
 @pytest.mark.parametrize("index", range(6))
 def test_a_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_bit(index):
-    levels = charged(family("objectsx3-hard").with_rules(SPACE).sample(6, seed=11))
+    levels = charged(family("objectsx1-hard").with_rules(SPACE).sample(6, seed=11))
     together = ends(levels)
     alone = ends(specialised(levels[index]), uncompiled)
     assert together[index].tobytes() == alone[0].tobytes()
@@ -74,7 +74,7 @@ def test_a_compiled_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_b
 @pytest.mark.parametrize(
     "name",
     [
-        "objectsx3-hard",
+        "objectsx1-hard",
         pytest.param("tilesx3-hard", marks=pytest.mark.slow),
         pytest.param("empty-hard", marks=pytest.mark.slow),
     ],
@@ -94,7 +94,7 @@ def test_the_default_physics_is_a_point_of_the_space(name):
 
 
 def test_ten_thousand_rule_sets_share_one_kernel():
-    levels = family("objectsx3-hard").with_rules(SPACE).sample(14_000, seed=1)
+    levels = family("objectsx1-hard").with_rules(SPACE).sample(14_000, seed=1)
     columns = [levels.layout.parameters.index(p) for p in SPACE.parameters]
     _, first = np.unique(levels.parameters[:, columns], axis=0, return_index=True)
     distinct = levels[np.sort(first)[:10_000]]
