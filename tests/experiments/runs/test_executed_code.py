@@ -148,33 +148,26 @@ def test_the_text_of_an_error_is_no_code_that_a_run_executes(package):
     assert fingerprint("my_lab.mine") != before
 
 
-@pytest.mark.parametrize(
-    ("file", "parts"),
-    [
-        ("cli/play.py", []),
-        ("rendering/scene.py", []),
-        ("errors.py", []),
-        ("envs/vector.py", ["environment"]),
-        ("observations/protocol.py", ["environment"]),
-        ("levels/distribution.py", ["sampler"]),
-    ],
-)
-def test_an_edit_of_the_library_changes_the_parts_that_execute_it(library, file, parts):
-    before = executed_code(Prepared(CONFIG))
-    path = library / file
-    path.write_text(path.read_text() + "\nmore = 1\n")
-    module._library.cache_clear()
-    assert differing_parts(before, executed_code(Prepared(CONFIG))) == parts
+def test_an_edit_of_the_library_changes_the_parts_that_execute_it_and_textures_where_they_are_shown(library):
+    config = Prepared(dataclasses.replace(CONFIG, observation=ObservationConfig("textures")))
 
+    def edit(path: Path) -> dict[str, str]:
+        path.write_bytes(path.read_bytes() + b"\nmore = 1\n")
+        module._library.cache_clear()
+        return executed_code(config)
 
-def test_textures_are_a_part_where_they_are_shown(library):
-    textured = dataclasses.replace(CONFIG, observation=ObservationConfig("textures"))
-    plain, before = executed_code(Prepared(CONFIG)), executed_code(Prepared(textured))
-    path = next((library / "textures" / "data").glob("*.npz"))
-    path.write_bytes(path.read_bytes() + b"more")
-    module._library.cache_clear()
-    assert differing_parts(before, executed_code(Prepared(textured))) == ["textures"]
-    assert executed_code(Prepared(CONFIG)) == plain
+    before = executed_code(config)
+    for file in ("cli/play.py", "rendering/scene.py", "errors.py"):
+        after = edit(library / file)
+    assert after == before
+    texture = next((library / "textures" / "data").glob("*.npz"))
+    for part, path in [
+        ("environment", library / "envs/vector.py"), ("environment", library / "observations/protocol.py"),
+        ("sampler", library / "levels/distribution.py"), ("textures", texture),
+    ]:  # fmt: skip
+        before, after = after, edit(path)
+        assert differing_parts(before, after) == [part]
+    assert "textures" not in executed_code(Prepared(CONFIG))
 
 
 def test_other_rules_are_another_kernel_and_another_algorithm_is_another_learner(package):
