@@ -1,9 +1,13 @@
-"""The captions of figures and tables, by name, from ``captions.yaml``."""
+"""The texts in ``captions.yaml``: captions of figures and tables by name, words, and settings of the paper."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import yaml
 
-CAPTIONS: Mapping[str, Mapping[str, str]] = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_bytes())
-FIGURES, TABLES = CAPTIONS["figures"], CAPTIONS["tables"]
+CAPTIONS: Mapping[str, Any] = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_bytes())
+FIGURES: Mapping[str, str] = CAPTIONS["figures"]
+TABLES: Mapping[str, str] = CAPTIONS["tables"]
+GLOSSARY: Sequence[str] = CAPTIONS["glossary"]
+SETTINGS: Sequence[Mapping[str, Any]] = CAPTIONS["settings"]

@@ -79,7 +79,7 @@ def report(config: ReportConfig) -> None:
     """Makes the report and prints what came of it."""
     made = make_report(config)
     results = made.subject.evidence.results
-    print(f"In the report: {counted(len(results.runs), 'run')}. Missing, runs or tests: {len(results.missing_runs())}.")
+    print(f"In the report: {counted(len(results.runs), 'run')}. Missing, runs or tests: {len(results.missing)}.")
     for line in map(str, made.files) if config.only else map(made.subject.sentence, made.claims):
         print(line)
     if not config.only:

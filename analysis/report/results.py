@@ -49,7 +49,7 @@ class Results:
     transfers: pd.DataFrame
     curves: pd.DataFrame
     probes: pd.DataFrame
-    missing: pd.DataFrame | None  # what is planned and not finished: run, reason; None: the plan is not known
+    missing: pd.DataFrame  # what is planned and not finished: run, reason, name of the experiment and its title
     studies: dict[str, dict[str, pd.DataFrame]] = field(default_factory=dict)  # of each study, its tables by name
 
     def of(self, *experiments: str) -> pd.DataFrame:
@@ -175,23 +175,6 @@ class Results:
         """Transfers with ``difference``: the return there less that of the same agent on its own test levels."""
         return paired(moved, self.runs, ETA, ["run"])
 
-    def missing_by_experiment(self) -> list[tuple[str, str, int, int]]:
-        """The name and the title of each experiment of which something is missing, how many runs are not finished, and of how
-        many others tests or probes are; empty where the tables do not name experiments."""
-        if self.missing is None or "name" not in self.missing:
-            return []
-        found = []
-        for (name, title), part in self.missing.groupby(["name", "experiment"], sort=False, dropna=False):  # type: ignore[misc]
-            unfinished = set(part.loc[part["reason"].isin(["not begun", "not finished"]), "run"])
-            found.append((str(name), str(title), len(unfinished), len({*part["run"]} - unfinished)))
-        return sorted(found, key=lambda one: -one[2] - one[3])
-
-    def missing_runs(self) -> list[str]:
-        """The names of the runs and tests of the plan that are missing; none where the plan is not known."""
-        if self.missing is None:
-            return []
-        return [f"{run}: {reason}" for run, reason in zip(self.missing["run"], self.missing["reason"], strict=True)]
-
 
 def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
     """The tables in ``folder``; raises :class:`RunFolderError` if there is no table of runs, it has not the ``required``
@@ -211,12 +194,10 @@ def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
         keys(runs, [name for name in WHOSE if name in runs])
     except SegarError as error:
         raise RunFolderError(f"{folder / RUNS}: {error}") from error
-    tables = [optional(folder / name) for name in (TRANSFERS, CURVES, PROBES)]
-    missing = read_frame(folder / MISSING) if (folder / MISSING).exists() else None
+    transfers, curves, probes, missing = (optional(folder / name) for name in (TRANSFERS, CURVES, PROBES, MISSING))
     studies: dict[str, dict[str, pd.DataFrame]] = {}
     for path in sorted((folder / STUDIES).glob("*/*.csv")):
         studies.setdefault(path.parent.name, {})[path.stem] = read_frame(path)
-    transfers, curves, probes = tables
     return Results(folder, scale_of(folder), runs, transfers, curves, probes, missing, studies)
 
 

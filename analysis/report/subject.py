@@ -17,7 +17,7 @@ class Subject:
 
     evidence: Evidence
     readings: Sequence[str]  # in which claims are tested, as findings name them
-    figures: Mapping[str, Callable[[], Drawn | str]]  # by name: the figure, or why there is none
+    figures: Mapping[str, Callable[[], Drawn]]  # by name; each may raise NoFigure
     claims: Callable[[], list[Claim]]
     statistics: Callable[[], Mapping[str, pd.DataFrame]]  # by the names of their CSV files
     claims_table: Callable[[list[Claim]], pd.DataFrame]

@@ -10,7 +10,7 @@ from segar.analysis.report.document.blocks import Block, Document, Paragraph, Pi
 from segar.analysis.report.document.html import page
 from segar.analysis.report.document.markdown import markdown
 from segar.analysis.report.document.pdf import print_page
-from segar.analysis.report.figures.drawing import Drawn
+from segar.analysis.report.figures.drawing import Drawn, NoFigure
 from segar.analysis.tables import write_csv
 from segar.experiments.runs.files import write_text
 
@@ -28,15 +28,16 @@ def write_document(document: Document, folder: Path, pdf: bool = False) -> list[
     return [folder / PAGE, folder / FINDINGS, *([folder / PRINT] if pdf else [])]
 
 
-def write_picture(draw: Callable[[], Drawn | str], folder: Path, name: str, command: str) -> Picture | str:
+def write_picture(draw: Callable[[], Drawn], folder: Path, name: str, command: str) -> Picture | str:
     """Draws a figure and writes its files; returns the picture, or why it cannot be drawn.
 
     ``command`` draws the figure again.
     """
-    with style.applied():
-        found = draw()
-    if isinstance(found, str):
-        return found
+    try:
+        with style.applied():
+            found = draw()
+    except NoFigure as why:
+        return str(why)
     svg, _ = save_figure(found.figure, folder / "figures" / name, SUFFIXES)
     write_csv(svg.with_suffix(".csv"), found.table, 6)
     return Picture(name, found.caption or captions.FIGURES[name], svg.read_bytes(), command)

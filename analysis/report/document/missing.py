@@ -11,15 +11,20 @@ MOST_NAMED = 8  # where experiments have no names
 def what_is_missing(evidence: Evidence) -> list[Block]:
     """A table of what was planned and is not there, by experiment; nothing where all is there."""
     results = evidence.all_results
-    missing, by_experiment = results.missing_runs(), results.missing_by_experiment()
-    if not missing:
+    if results.missing.empty:
         return []
-    if not by_experiment:  # tables of a plan that does not name experiments
+    if "name" not in results.missing:  # tables of a plan that does not name experiments
+        missing = [
+            f"{run}: {reason}" for run, reason in zip(results.missing["run"], results.missing["reason"], strict=True)
+        ]
         count = f"{len(missing)} runs or tests" if len(missing) > 1 else "a run or test"
         said = f"**Of what was planned, {count} are missing**: {', '.join(missing[:MOST_NAMED])}"
         return [Paragraph(said + (" and others." if len(missing) > MOST_NAMED else "."), "warning")]
-    rows = []
-    for name, title, runs, tests in by_experiment:
+    found, rows = [], []
+    for (name, title), part in results.missing.groupby(["name", "experiment"], sort=False, dropna=False):  # type: ignore[misc]
+        unfinished = set(part.loc[part["reason"].isin(["not begun", "not finished"]), "run"])
+        found.append((str(name), str(title), len(unfinished), len({*part["run"]} - unfinished)))
+    for name, title, runs, tests in sorted(found, key=lambda one: -one[2] - one[3]):
         hours = plain((runs + tests) * hours_of_one(results, [name]), 1)
         rows.append([f"`{name}`", title, f"{runs}", f"{tests}", hours])
     head = ("experiment", "what it is about", "missing runs", "runs that lack tests or probes", "hours on one core")

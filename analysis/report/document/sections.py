@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from segar.analysis.plotting.names import ALGORITHMS
-from segar.analysis.report.captions import TABLES
+from segar.analysis.report.captions import GLOSSARY, SETTINGS, TABLES
 from segar.analysis.report.claims import verdicts
 from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, OF_PAPER, Claim
 from segar.analysis.report.claims.evidence import Evidence
@@ -32,61 +32,6 @@ from segar.analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
 from segar.analysis.tables import column, count_of, select
 
 SUCCESS = "success_test_deterministic"
-GLOSSARY = (
-    "**The paper**: Hjelm et al. (2022), The Sandbox Environment for Generalizable Agent Research; its code is that of 2022.",
-    "**Level**: one start of the task. **Training levels**: the n levels that an agent practises on. **Test levels**: others "
-    "from the same distribution.",
-    "**Family** and **difficulty**: what is in a level, and how far apart things start. **Panel**: a family and a difficulty. "
-    "**Cell**: a panel and a number n of training levels.",
-    "**Seed**: of the training levels and of the agent. **Block**: runs that stay together in intervals and p: all of one "
-    "panel and one seed, whose training levels are nested; where panels are compared, all of a panel. **n** counts runs, or "
-    "pairs of runs where one is compared with another; without training, distances.",
-    "**Gap**: mean return on test levels less that on training levels; the worse or larger the gap, the more negative the "
-    "number. **Gap in success**: the same of success, the share of levels that an agent solves. **Regret**: the best known "
-    "return less the agent's.",
-    "**Score**: the mean return on a scale on which the better of idle and random play on each level has 0, and the planner "
-    "1. **IQM**: the mean of the middle half of the scores of all runs.",
-    "**W2**: the Wasserstein-2 distance between training and test levels. Exact W2 is of all factors, in standard deviations; "
-    "without its floor it is less what two samples of one distribution have by chance; of positions, it is of where things are "
-    "alone; weighted, each group of factors counts by what it adds to the gap. W2 of 2022 is that of the code of 2022, which "
-    "counts the order of drawing, too; W2 of Algorithm 1 is what the paper writes.",
-    "**Covering radius**: the largest distance of a test level to the nearest training level. **Effective number**: how many "
-    "unlike levels a training set is worth. **Entropy**: of the training set as a sample, in nats; more is more diverse.",
-    "**Rule set**: the laws of motion that hold in a level. **Corrected accuracy**: of a critic that tells pairs of "
-    "representation and factors from shuffled ones, on held-out episodes.",
-    "**Return**: the sum of the rewards of an episode, -d² in each step for the distance d of the ball from the goal, and -100 "
-    "on death. **Planner**: play by search in the simulator, the best that is known. **Script**: play by a rule written by "
-    "hand. **Idle**: play without actions.",
-    "**CURL** and **SPR**: self-supervised losses beside PPO's. **SAC with shifts**: soft actor-critic on shifted frames "
-    "(DrQ). **KS**: the largest distance between two distribution functions.",
-    "**Gate**: what a run's success on training levels must be above to count; its margin stands below the verdicts.",
-    "**Farther in W2**, **worse coverage** (a larger covering radius and a smaller effective number) and **both**: kinds of "
-    "training sets that otherwise match sets **like independent ones**.",
-    "**2022 metric**: the W2 of the code of 2022, and returns without the last reward of each episode. **Our metric**: exact "
-    "W2 in standard deviations, and full returns.",
-    "**Runs that learned**: those above the gate. The verdicts are about them; a second row has all runs.",
-    "**Supported**: the runs show the claimed effect, and it is large enough to matter. **Not supported**: they show the "
-    "opposite, or rule out an effect that matters. **Undecided**: neither, or other specifications or the correction over a "
-    "family of claims take the verdict away. **Not yet tested**: more than a tenth of the planned runs are missing. **Cannot "
-    "be tested**: the outcome has no room for an effect that matters, or there are too few blocks.",
-)
-ENCODERS = {"keypoints": "keypoints", "impala": "IMPALA CNN", "cnn_2022": "CNN of 2022"}
-LOOKS = {"rgb_stack2": "two frames in solid colours", "textures": "one frame of textures"}
-REWARDS = {"none": "the same", "sqrt": "the same, learned from its square root"}
-# What the paper and its code of 2022 did, and the column that says what this main grid did, with words for its values.
-SETTINGS_OF_PAPER: Sequence[tuple[str, str, str, Mapping[str, str]]] = (
-    ("agent", "PPO, learning rate 1e-4, one epoch", "algorithm", ALGORITHMS),
-    ("encoder", "IMPALA CNN", "algorithm.encoder", ENCODERS),
-    ("observation", "one frame of textures", "observation", LOOKS),
-    ("gamma", "0.999", "algorithm.gamma", {}),
-    ("reward", "-d² and -100 on death, as it is", "algorithm.reward_transform", REWARDS),
-    ("frames", "1000000", "frames", {}),
-    ("training levels", "1, 10, 50, 100, 200", "n", {}),
-    ("test levels", "100 (text), 500 (code)", "test_levels", {}),
-    ("seeds", "1", "seed", {}),
-    ("episodes on training levels", "10", "episodes_train_deterministic", {}),
-    ("episodes on test levels", "10", "episodes_test_deterministic", {}),
-)
 
 
 def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, Picture | str]) -> Document:
@@ -230,7 +175,9 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
     if not there:
         return []
     main = evidence.ungated.main
-    rows = [[name, paper, stated(main, column, words)] for name, paper, column, words in SETTINGS_OF_PAPER]
+    rows = [
+        [one["setting"], one["paper"], stated(main, one["column"], one.get("words", ALGORITHMS))] for one in SETTINGS
+    ]
     note = (
         "Distances, returns and statistics of the 2022 metric are the paper's; agents are not, but for the block with the "
         "paper's own agent (claim 3a-agent)."

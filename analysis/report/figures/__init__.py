@@ -1,4 +1,4 @@
-"""The report's figures, by name: each is drawn from the evidence, or a sentence says why it is not.
+"""The report's figures, by name: each is drawn from the evidence, or an error says why it is not.
 
 ``main_grid``, ``agents`` and ``beyond`` draw them, with what ``drawing`` has in common. This room imports claims,
 plotting and results; others use :data:`FIGURES`.
@@ -12,7 +12,7 @@ from segar.analysis.report.figures.drawing import Drawn
 
 __all__ = ["FIGURES", "Draw", "Drawn"]
 
-Draw = Callable[[Evidence], Drawn | str]  # the figure, or why there is none
+Draw = Callable[[Evidence], Drawn]  # raises NoFigure
 
 FIGURES: Mapping[str, Draw] = {
     draw.__name__: draw

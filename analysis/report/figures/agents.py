@@ -12,21 +12,28 @@ from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.claims.rows import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
 from segar.analysis.report.claims.scores import COMPARED, profiles
 from segar.analysis.report.claims.statements import METRICS
-from segar.analysis.report.figures.drawing import CELL, SHORT_GAP, Drawn, Related, draw_related, figure_of_curves
+from segar.analysis.report.figures.drawing import (
+    CELL,
+    SHORT_GAP,
+    Drawn,
+    NoFigure,
+    Related,
+    draw_related,
+    drawable,
+    figure_of_curves,
+)
 from segar.analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
 from segar.analysis.stats.resampling import FEWEST_UNITS
-from segar.analysis.tables import binned, column, count_of, mean_by, pick, select
+from segar.analysis.tables import binned, column, mean_by, pick, select
 
 THRESHOLDS = np.linspace(-0.5, 1.0, 61)  # of scores, in performance profiles
 CHANCE_SEEN = 0.65  # accuracies: where all are above it, the axis does not go down to chance
 NO_PROBES = "the agents were not probed (`probes.parquet`)"
 
 
-def figure_4b(evidence: Evidence) -> Drawn | str:
+def figure_4b(evidence: Evidence) -> Drawn:
     """Gap against the accuracy of the critic, as in the paper and corrected."""
-    probed = accuracies(evidence.results, evidence.main)
-    if probed.empty:
-        return NO_PROBES
+    probed = drawable(accuracies(evidence.results, evidence.main), NO_PROBES)
     table = pick(probed, [*CELL, "probe", *ACCURACIES, "gap", "gap_2022"])
     parts = [(settings, select(table, probe=PROBES[settings]), GAPS[settings]) for settings in METRICS]
     return Drawn(accuracy_grid(evidence, [parts], 4.2), table)
@@ -49,14 +56,12 @@ def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, 
     return figure
 
 
-def figure_5a(evidence: Evidence) -> Drawn | str:
+def figure_5a(evidence: Evidence) -> Drawn:
     """Gap against accuracy per self-supervised algorithm."""
     runs = evidence.results.of("figure_5a")
     if not auxiliary(runs):
-        return "no agents with self-supervised losses were trained (`experiments=[figure_5a]`)"
-    probed = accuracies(evidence.results, runs)
-    if probed.empty:
-        return NO_PROBES
+        raise NoFigure("no agents with self-supervised losses were trained (`experiments=[figure_5a]`)")
+    probed = drawable(accuracies(evidence.results, runs), NO_PROBES)
     table = pick(probed, [*CELL, "algorithm", "probe", *ACCURACIES, "gap", "gap_2022"])
     parts = [
         [(f"{word_for(name)}, {key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key]) for key in METRICS]
@@ -65,29 +70,27 @@ def figure_5a(evidence: Evidence) -> Drawn | str:
     return Drawn(accuracy_grid(evidence, parts), table)
 
 
-def figure_5b(evidence: Evidence) -> Drawn | str:
+def figure_5b(evidence: Evidence) -> Drawn:
     """Training curves of the main grid."""
     if evidence.results.curves.empty or evidence.ungated.main.empty:
-        return "the curves are not among the tables (`curves.parquet`)"
+        raise NoFigure("the curves are not among the tables (`curves.parquet`)")
     curves = evidence.all_results.curves
     chosen = select(curves, name="episode/return").merge(pick(evidence.ungated.main, ["run", *CELL]), on="run")
-    if chosen.empty:
-        return "the curves have no returns of training episodes"
+    chosen = drawable(chosen, "the curves have no returns of training episodes")
     chosen = chosen.assign(frames=binned(column(chosen, "frames")))
     table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
     return Drawn(curves_of_panels(table, "training return"), table)
 
 
-def appendix_sac(evidence: Evidence) -> Drawn | str:
+def appendix_sac(evidence: Evidence) -> Drawn:
     """Test return of SAC against frames."""
     runs, curves = evidence.all_results.of("appendix_sac"), evidence.all_results.curves
     if runs.empty or curves.empty:
-        return "SAC was not run, or its curves are not among the tables (`experiments=[appendix_sac]`)"
+        raise NoFigure("SAC was not run, or its curves are not among the tables (`experiments=[appendix_sac]`)")
     chosen = select(curves, name="evaluation/test/return/deterministic").merge(
         pick(runs, ["run", "algorithm", *CELL]), on="run"
     )
-    if chosen.empty:
-        return "the curves have no returns of SAC on test levels"
+    drawable(chosen, "the curves have no returns of SAC on test levels")
     table = mean_by(chosen, ["algorithm", "family", "difficulty", "n", "frames"], ["value"])
     return Drawn(curves_of_panels(table, "return on test levels", "algorithm"), table)
 
@@ -98,11 +101,10 @@ def curves_of_panels(table: pd.DataFrame, y_label: str, kinds: str = "") -> Figu
     return figure_of_curves(named, {panel: panel_name(panel) for panel in panels_of(named)}, y_label, kinds)
 
 
-def performance_profiles(evidence: Evidence) -> Drawn | str:
+def performance_profiles(evidence: Evidence) -> Drawn:
     """The share of runs that score above each threshold, per algorithm."""
-    table = profiles(evidence.all_results, THRESHOLDS)
-    if table.empty:
-        return f"no experiment has scores of several algorithms with {FEWEST_UNITS} seeds or more"
+    why = f"no experiment has scores of several algorithms with {FEWEST_UNITS} seeds or more"
+    table = drawable(profiles(evidence.all_results, THRESHOLDS), why)
     experiments = list(dict.fromkeys(table["experiment"]))
     colours = style.colours(table["algorithm"])
     figure = new_figure(4.6 * len(experiments), 3.6)
@@ -118,14 +120,10 @@ def performance_profiles(evidence: Evidence) -> Drawn | str:
     return Drawn(figure, table)
 
 
-def appendix_mass(evidence: Evidence) -> Drawn | str:
+def appendix_mass(evidence: Evidence) -> Drawn:
     """Gap against accuracy with the mass shown and hidden, by what the agent has of the past."""
-    runs = evidence.results.masses
-    if count_of(runs, "observation") < 2:
-        return "it was not run (`experiments=[appendix_mass]`)"
-    probed = accuracies(evidence.results, runs)
-    if probed.empty:
-        return NO_PROBES
+    runs = drawable(evidence.results.masses, "appendix_mass", "observation")
+    probed = drawable(accuracies(evidence.results, runs), NO_PROBES)
     columns = [*CELL, "past", "mass", "w2_exact", *ACCURACIES, "gap", "success_test_deterministic"]
     table = pick(select(probed, probe=PROBES[METRIC_OURS]), columns)
     parts = [

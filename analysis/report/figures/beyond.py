@@ -19,24 +19,32 @@ from segar.analysis.plotting.figures import (
 from segar.analysis.plotting.names import word_for
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.claims.rows import all_rule_set_runs, one_number_of_levels, trial_columns, trial_runs
-from segar.analysis.report.figures.drawing import CELL, GAP, Drawn, dots, draw_means, log_axis, success_by_number
+from segar.analysis.report.figures.drawing import (
+    CELL,
+    GAP,
+    Drawn,
+    NoFigure,
+    dots,
+    draw_means,
+    drawable,
+    log_axis,
+    success_by_number,
+    unit_means,
+)
 from segar.analysis.report.number_format import estimate_text
 from segar.analysis.report.results import PANEL, shifts_in_words
 from segar.analysis.stats.estimate import mean_of_replicates
-from segar.analysis.stats.resampling import mean_of_units
 from segar.analysis.studies.w2 import TEST_LEVELS
-from segar.analysis.tables import column, count_of, keep, pick, select
+from segar.analysis.tables import column, keep, pick, select
 
 SUCCESS = "success_test_deterministic"
 COST = "return there − on own test levels"
 DESIGN_ORDER = ("matched", "matched_far", "matched_sparse", "matched_far_sparse")
 
 
-def fixed_n(evidence: Evidence) -> Drawn | str:
+def fixed_n(evidence: Evidence) -> Drawn:
     """Gap against both distances at one number of levels, by design."""
-    runs = evidence.results.of("fixed_n")
-    if count_of(runs, "design") < 2:
-        return "it was not run (`experiments=[fixed_n]`)"
+    runs = drawable(evidence.results.of("fixed_n"), "fixed_n", "design")
     judged = one_number_of_levels(evidence)
     table = pick(runs, [*CELL, "design", "w2_reference", "w2_exact", "gap", "gap_2022"])
     figure = new_figure(PAGE_WIDTH, 4.2)
@@ -57,13 +65,12 @@ def fixed_n(evidence: Evidence) -> Drawn | str:
     return Drawn(figure, table)
 
 
-def diversity(evidence: Evidence) -> Drawn | str:
+def diversity(evidence: Evidence) -> Drawn:
     """Success on test levels against three measures of the training set."""
     runs = evidence.results.of("diversity")
     names = {"effective_number": "effective number", "entropy": "entropy [nats]", "radius": "covering radius [SD]"}
     names = {k: v for k, v in names.items() if k in runs and np.isfinite(column(runs, k)).all()}
-    if runs.empty or not names:
-        return "it was not run (`experiments=[diversity]`)"
+    drawable(runs if names else runs.head(0), "diversity")
     table = pick(runs, [*CELL, "design", *names, SUCCESS])
     figure = new_figure(3.1 * len(names), 4.4)
     for axes, (x, label) in zip(figure.subplots(1, len(names), squeeze=False)[0], names.items(), strict=True):
@@ -79,30 +86,24 @@ def diversity(evidence: Evidence) -> Drawn | str:
     return Drawn(figure, table)
 
 
-def attribution(evidence: Evidence) -> Drawn | str:
+def attribution(evidence: Evidence) -> Drawn:
     """The part of the gap that each group of factors adds."""
-    table = evidence.attribution
-    if table.empty:
-        return "it was not run (`experiments=[attribution]`)"
+    table = drawable(evidence.attribution, "attribution")
     named = table.assign(group=[word_for(name) for name in table["group"]])
     return Drawn(dots(named, "group", "part", "part of the gap"), pick(table, [*CELL, "group", "part", "gap"]))
 
 
-def rules(evidence: Evidence) -> Drawn | str:
+def rules(evidence: Evidence) -> Drawn:
     """The loss in return in other physics than in training."""
-    part = evidence.results.other_physics
-    if part.empty:
-        return "it was not run (`experiments=[rules]`)"
+    part = drawable(evidence.results.other_physics, "rules")
     table = pick(part, [*CELL, "trained", "test_variation", "difference", "gap", "gap_se", SUCCESS])
     return Drawn(dots(shifts_in_words(table, "test_variation"), "test_variation", "difference", COST, "trained"), table)
 
 
-def rule_sets(evidence: Evidence) -> Drawn | str:
+def rule_sets(evidence: Evidence) -> Drawn:
     """Success on training levels and on unseen rule sets against the number of rule sets in training, and the gap against that
     number and against the distance between the dynamics of both."""
-    runs = all_rule_set_runs(evidence)
-    if runs.empty:
-        return "it was not run (`experiments=[rule_sets]`)"
+    runs = drawable(all_rule_set_runs(evidence), "rule_sets")
     measures = ["dynamics_w2", "success_train_deterministic", SUCCESS, "gap_success", "gap"]
     table = pick(runs, [*CELL, "rule_sets", "chosen", *measures])
     figure = new_figure(9.4, 3.6)
@@ -112,12 +113,9 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
         (left, SUCCESS, "unseen rule sets", 0.0),
         (middle, "gap_success", "", -1.0),
     )
-    numbered = select(table, chosen="")
+    numbered = select(table, chosen="").astype({"rule_sets": int})
     for k, (axes, value, label, least) in enumerate(players):
-        parts = [(int(number), column(part, value)) for number, part in numbered.groupby("rule_sets", dropna=False)]  # type: ignore[arg-type]
-        means = pd.DataFrame(
-            [mean_of_units(values, "runs", least, 1.0).row(rule_sets=number) for number, values in parts]
-        )
+        means = unit_means(numbered, "rule_sets", value, least)
         draw_means(axes, k, column(means, "rule_sets"), means, label, "-" if len(means) > 3 else "none")
         axes.scatter(column(numbered, "rule_sets"), column(numbered, value), s=12, color=style.PALETTE[k], alpha=0.5)
         log_axis(axes, sorted(set(means["rule_sets"])))
@@ -137,11 +135,9 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
     return Drawn(figure, table)
 
 
-def trials(evidence: Evidence) -> Drawn | str:
+def trials(evidence: Evidence) -> Drawn:
     """Success on unseen rule sets trial by trial, with a memory and without."""
-    runs = trial_runs(evidence)
-    if runs.empty:
-        return "it was not run (`experiments=[trials]`)"
+    runs = drawable(trial_runs(evidence), "trials")
     names = trial_columns(runs)
     table = pick(runs, [*CELL, "algorithm", "memory", *names])
     figure = new_figure(5.4, 3.8)
@@ -149,9 +145,9 @@ def trials(evidence: Evidence) -> Drawn | str:
     for k, (memory, label) in enumerate(((True, "with a memory"), (False, "without a memory"))):
         part = keep(table, table["memory"] == memory)
         if len(part):
-            values = [column(part, name) for name in names]
-            means = pd.DataFrame(
-                [mean_of_units(one, "runs", 0.0, 1.0).row(trial=n + 1) for n, one in enumerate(values)]
+            played = part.melt(value_vars=names, var_name="trial", value_name="success")
+            means = unit_means(
+                played.assign(trial=[names.index(one) + 1 for one in played["trial"]]), "trial", "success"
             )
             draw_means(axes, k, column(means, "trial"), means, label)
     axes.set_xticks(range(1, len(names) + 1))
@@ -161,21 +157,19 @@ def trials(evidence: Evidence) -> Drawn | str:
     return Drawn(figure, table)
 
 
-def visual(evidence: Evidence) -> Drawn | str:
+def visual(evidence: Evidence) -> Drawn:
     """The loss in return with other textures, beside that on harder levels."""
-    part = evidence.results.other_looks
-    if part.empty:
-        return "it was not run (`experiments=[visual]`)"
+    part = drawable(evidence.results.other_looks, "visual")
     table = pick(part, [*CELL, "trained", "shift", "difference", "gap", SUCCESS])
     return Drawn(dots(shifts_in_words(table, "shift"), "shift", "difference", COST, "trained"), table)
 
 
-def hardness(evidence: Evidence) -> Drawn | str:
+def hardness(evidence: Evidence) -> Drawn:
     """Success against the number of conditions on the reward: agents with intervals over runs, chance, script and planner."""
     study = evidence.results.studies.get("hardness_of_levels", {}).get("hardness", pd.DataFrame())
     runs = evidence.all_results.of("hardness")
     if study.empty and runs.empty:
-        return "it was not run (`experiments=[hardness, hardness_of_levels]`)"
+        raise NoFigure("it was not run (`experiments=[hardness, hardness_of_levels]`)")
     parts = []
     for player in ("random", "scripted", "oracle") if len(study) else ():
         names = {"conditions": "conditions", **{f"{player}_{name}": name for name in ("success", "low", "high")}}
@@ -183,11 +177,8 @@ def hardness(evidence: Evidence) -> Drawn | str:
     if len(runs):
         number = runs["task"].str.extract(r"(?:conditions=|conditions_)(\d+)")[0]
         agents = runs.assign(conditions=number.fillna("0").astype(float), success=runs[SUCCESS])
-        means = [
-            mean_of_units(column(one, "success"), "runs", 0.0, 1.0).row(conditions=n)
-            for n, one in agents.groupby("conditions", dropna=False)
-        ]
-        parts.append(pd.DataFrame(means).rename(columns={"estimate": "success"}).assign(player="agents"))
+        means = unit_means(agents, "conditions", "success")
+        parts.append(means.rename(columns={"estimate": "success"}).assign(player="agents"))
     table = pd.concat(parts, ignore_index=True)
     figure = new_figure(5.6, 3.8)
     axes = figure.subplots()
@@ -203,27 +194,26 @@ def hardness(evidence: Evidence) -> Drawn | str:
     return Drawn(figure, table)
 
 
-def upper_bound(evidence: Evidence) -> Drawn | str:
+def upper_bound(evidence: Evidence) -> Drawn:
     """Agents that see the true factors beside those that see pixels."""
-    seen, main = evidence.all_results.of("upper_bound"), evidence.ungated.main
-    if seen.empty or main.empty:
-        return "it was not run (`experiments=[upper_bound]`)"
+    seen, main = (
+        drawable(one, "upper_bound") for one in (evidence.all_results.of("upper_bound"), evidence.ungated.main)
+    )
     both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
     table = pick(both, [*CELL, "sees", SUCCESS, "gap"])
     table = keep(
         table, column(table.assign(kinds=table.groupby(CELL, dropna=False)["sees"].transform("nunique")), "kinds") == 2
     )
-    if table.empty:
-        return "no agents that see pixels have the levels and seeds of those that see factors"
+    drawable(table, "no agents that see pixels have the levels and seeds of those that see factors")
     named, lines = table.assign(success=table[SUCCESS]), {"factors": "-", "pixels": ":"}
     return Drawn(success_by_number(named, "sees", lines, "success on test levels"), table)
 
 
-def w2_study(evidence: Evidence) -> Drawn | str:
+def w2_study(evidence: Evidence) -> Drawn:
     """W2 against the number of levels, without training, with the means of 2022."""
     study = evidence.results.studies.get("w2_study", {})
     if "means" not in study:
-        return "the study of distances was not run (`experiments=[w2_study]`)"
+        raise NoFigure("the study of distances was not run (`experiments=[w2_study]`)")
     table = study["means"]
     inside = keep(table, table["train"] == table["test"])
     modes = [m for m in ("reference", "exact") if m in set(inside["mode"])]
@@ -249,11 +239,9 @@ def w2_study(evidence: Evidence) -> Drawn | str:
     return Drawn(figure, table)
 
 
-def matched_sets(evidence: Evidence) -> Drawn | str:
+def matched_sets(evidence: Evidence) -> Drawn:
     """The designed study: gap in success of the four kinds of training sets."""
-    runs = evidence.results.of("matched_sets")
-    if count_of(runs, "design") < 2:
-        return "it was not run (`experiments=[matched_sets]`)"
+    runs = drawable(evidence.results.of("matched_sets"), "matched_sets", "design")
     table = pick(runs, [*CELL, "design", "w2_exact", "radius", "effective_number", "gap_success", "gap"])
     order = [name for name in DESIGN_ORDER if name in set(table["design"])]
     families, counts = style.ordered(table["family"]), sorted(set(table["n"]))

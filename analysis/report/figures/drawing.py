@@ -29,7 +29,8 @@ from segar.analysis.plotting.names import panel_name, word_for
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.number_format import estimate_text
 from segar.analysis.report.results import panels_of, with_panel
-from segar.analysis.tables import column, mean_by, select
+from segar.analysis.stats.resampling import mean_of_units
+from segar.analysis.tables import column, count_of, mean_by, select
 
 CELL = ["family", "difficulty", "n", "seed"]
 SHORT_GAP = "gap (test − training)"
@@ -43,6 +44,21 @@ class Drawn:
     figure: Figure
     table: pd.DataFrame
     caption: str = ""  # empty: the one that captions.yaml has under the figure's name
+
+
+class NoFigure(Exception):
+    """A figure cannot be drawn, for the reason that the message says."""
+
+
+def drawable(table: pd.DataFrame, why: str, varies: str = "") -> pd.DataFrame:
+    """The table; raises :class:`NoFigure` where it has no rows, or fewer than two values in the column ``varies``.
+
+    Args:
+        why: the reason, or the name of the experiment that was not run.
+    """
+    if table.empty or (varies and count_of(table, varies) < 2):
+        raise NoFigure(why if " " in why else f"it was not run (`experiments=[{why}]`)")
+    return table
 
 
 @dataclass(frozen=True)
@@ -125,6 +141,13 @@ def draw_means(
     """Means with their intervals at these places, in the look of the k-th of several series."""
     look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label, "linestyle": line}
     axes.errorbar(x, column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
+
+
+def unit_means(table: pd.DataFrame, by: str, value: str, least: float = 0.0) -> pd.DataFrame:
+    """The mean of ``value`` over the runs with each value of the column ``by``, with its interval, which ends at ``least`` and
+    1."""
+    groups = table.groupby(by, dropna=False)
+    return pd.DataFrame([mean_of_units(column(part, value), "runs", least, 1.0).row(**{by: at}) for at, part in groups])
 
 
 def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "") -> Figure:

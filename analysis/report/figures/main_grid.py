@@ -14,7 +14,7 @@ from segar.analysis.plotting.names import word_for
 from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from segar.analysis.report.claims.evidence import GIVEN_CELL, Evidence
 from segar.analysis.report.claims.specifications import ALL_COUNTS, specifications
-from segar.analysis.report.figures.drawing import CELL, GAP, GAP_2022, Drawn, success_by_number
+from segar.analysis.report.figures.drawing import CELL, GAP, GAP_2022, Drawn, NoFigure, drawable, success_by_number
 from segar.analysis.report.number_format import estimate_text, signed
 from segar.analysis.tables import column, count_of, keep, pick, select
 
@@ -28,29 +28,23 @@ MEASURES = [name for x, y, *_ in METRICS for name in (x, y)]
 HOLLOW: dict[str, Any] = {"facecolors": "none", "linewidths": 0.9}
 
 
-def figure_3a(evidence: Evidence) -> Drawn | str:
+def figure_3a(evidence: Evidence) -> Drawn:
     """The headline: gap against W2, a row per metric, an axes per family; hollow where runs did not learn."""
-    main = evidence.ungated.main
-    if main.empty:
-        return NO_MAIN_GRID
+    main = drawable(evidence.ungated.main, NO_MAIN_GRID)
     table = pick(main, [*CELL, *MEASURES, "gap_se"]).assign(learned=main["run"].isin(list(evidence.main["run"])))
     return Drawn(gaps_against_w2(evidence, table, "difficulty"), table)
 
 
-def figure_3b(evidence: Evidence) -> Drawn | str:
+def figure_3b(evidence: Evidence) -> Drawn:
     """The same runs, with the correlation of each difficulty."""
-    main = evidence.main
-    if main.empty:
-        return NO_MAIN_GRID
+    main = drawable(evidence.main, NO_MAIN_GRID)
     table = pick(main, [*CELL, *MEASURES])
     return Drawn(gaps_against_w2(evidence, table, "difficulty", by_group=True), table)
 
 
-def figure_4a(evidence: Evidence) -> Drawn | str:
+def figure_4a(evidence: Evidence) -> Drawn:
     """The same agents on harder levels."""
-    harder = evidence.results.harder
-    if harder.empty:
-        return "no agent was tested on harder levels"
+    harder = drawable(evidence.results.harder, "no agent was tested on harder levels")
     pairs = [f"{a} to {b}" for a, b in zip(harder["difficulty"], harder["test_difficulty"], strict=True)]
     table = pick(harder, [*CELL, *MEASURES]).assign(pair=pairs)
     return Drawn(gaps_against_w2(evidence, table, "pair", by_group=True), table)
@@ -102,11 +96,9 @@ def gaps_against_w2(evidence: Evidence, table: pd.DataFrame, group: str, by_grou
     return figure
 
 
-def train_and_test(evidence: Evidence) -> Drawn | str:
+def train_and_test(evidence: Evidence) -> Drawn:
     """Success on training and on test levels against the number of levels."""
-    main = evidence.ungated.main
-    if main.empty:
-        return NO_MAIN_GRID
+    main = drawable(evidence.ungated.main, NO_MAIN_GRID)
     kinds = {"success_test_deterministic": "test levels", "success_train_deterministic": "training levels"}
     table = pick(main, [*CELL, *reversed(kinds)])
     both = [table.assign(success=table[name], on=words) for name, words in kinds.items()]
@@ -114,13 +106,13 @@ def train_and_test(evidence: Evidence) -> Drawn | str:
     return Drawn(success_by_number(pd.concat(both, ignore_index=True), "on", lines, "success"), table)
 
 
-def specification_curves(evidence: Evidence) -> Drawn | str:
+def specification_curves(evidence: Evidence) -> Drawn:
     """The correlations of three claims in all specifications, in order, with their intervals."""
     table = specifications(evidence)
     claims = {"3a-n": "given panel and n", "3a-cell": "given cell", "4b-none": "given panel and n"}
     claims = {name: words for name, words in claims.items() if len(table) and name in set(table["claim"])}
     if not claims:
-        return "nothing varies in these runs"
+        raise NoFigure("nothing varies in these runs")
     table = keep(table, table["claim"].isin(list(claims)))
     choices = [
         ", ".join(dict.fromkeys(one))

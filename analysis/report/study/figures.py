@@ -11,23 +11,18 @@ from segar.analysis.gap_plot import gap_plot
 from segar.analysis.plotting import style
 from segar.analysis.plotting.figures import entry, error_bars, figure_of_panels, legend_below, zero_line
 from segar.analysis.report.document.tables import means
-from segar.analysis.report.figures.drawing import (
-    GAP,
-    Drawn,
-    figure_of_curves,
-    log_axis,
-)
+from segar.analysis.report.figures.drawing import GAP, Drawn, NoFigure, drawable, figure_of_curves, log_axis
 from segar.analysis.report.study.reading import SUCCESS, Study
 from segar.analysis.tables import CURVE_POINTS, binned, column, count_of, keep, mean_by, pick, select
 
 ASIDE = 0.09  # between neighbouring lines, as a share of the number of levels
 
 
-def gap_against_distance(study: Study) -> Drawn | str:
+def gap_against_distance(study: Study) -> Drawn:
     """The gap of each run against exact W2."""
     runs = study.runs
     if not np.isfinite(column(runs, study.w2)).any():
-        return "no run has its exact W2"
+        raise NoFigure("no run has its exact W2")
     group = "agent" if len(study.panels) == 1 else "panel"
     group = group if 1 < count_of(runs, group) <= len(style.PALETTE) else None
     # The seed of these rows is that of the level set.
@@ -99,12 +94,11 @@ def line_name(study: Study, agent: str, value: str, values: Sequence[str]) -> st
     return ", ".join(filter(None, [agent if several else "", where if len(values) > 1 else ""]))
 
 
-def curves(study: Study) -> Drawn | str:
+def curves(study: Study) -> Drawn:
     """Training returns against frames, by number of training levels."""
     table = study.evidence.results.curves
     rows = select(table, name="episode/return") if len(table) else table
-    if rows.empty:
-        return "there are no returns of training episodes"
+    drawable(rows, "there are no returns of training episodes")
     known = ["run", "panel", "n", *(["round_frames"] if "round_frames" in study.runs else [])]
     rows = rows.merge(pick(study.runs, known), on="run")
     counts = select(table, name="episode/count")
@@ -121,8 +115,7 @@ def curves(study: Study) -> Drawn | str:
         rows = rows.assign(frames=binned(column(rows, "frames")))
         rows = mean_by(rows, ["run", "panel", "n", "frames"], ["value"])
     found = mean_by(of_all_runs(rows), ["panel", "n", "frames"], ["value"])
-    if found.empty:
-        return "no moment of training has a return of all runs of a curve"
+    drawable(found, "no moment of training has a return of all runs of a curve")
     panels = dict(zip(study.panels, study.panels, strict=True))
     return Drawn(figure_of_curves(found, panels, "training return"), found, caption)
 
@@ -153,6 +146,6 @@ def of_all_runs(rows: pd.DataFrame) -> pd.DataFrame:
     return keep(rows, there == runs)
 
 
-FIGURES: Mapping[str, Callable[[Study], Drawn | str]] = {
+FIGURES: Mapping[str, Callable[[Study], Drawn]] = {
     "gap_against_distance": gap_against_distance, "success": success, "gap": gap, "curves": curves,
 }  # fmt: skip

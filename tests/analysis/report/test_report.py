@@ -14,6 +14,7 @@ from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.document.blocks import pieces
 from segar.analysis.report.document.pdf import BROWSERS, print_page
 from segar.analysis.report.figures import FIGURES
+from segar.analysis.report.figures.drawing import NoFigure
 from segar.analysis.report.make import SHIPPED, ReportConfig, make_report, report, track
 from segar.analysis.report.number_format import estimate_text, p_value, plain, signed, with_interval
 from segar.analysis.report.results import read_results
@@ -30,6 +31,10 @@ PICTURE = re.compile(r"data:image/svg\+xml;base64,[A-Za-z0-9+/=]+")
 def few_runs():
     """One family, one seed."""
     return run_rows(np.random.default_rng(0), "figure_3a", seeds=1, families=("empty",))
+
+
+def undrawable(evidence):
+    raise NoFigure("not here")
 
 
 @pytest.fixture
@@ -113,7 +118,7 @@ PRINTS = 'for one; do case $one in --print-to-pdf=*) echo "%PDF- of $page" > "${
 def test_a_browser_prints_the_page(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", fake_browser(tmp_path / "bin", PRINTS))
     folder = write_results(tmp_path / "quick-1234", {"runs": few_runs()})
-    monkeypatch.setattr("segar.analysis.report.paper.FIGURES", {name: lambda evidence: "not here" for name in FIGURES})
+    monkeypatch.setattr("segar.analysis.report.paper.FIGURES", dict.fromkeys(FIGURES, undrawable))
     made = make_report(ReportConfig(str(folder), pdf=True))
     assert folder / "report.pdf" in made.files
     assert (folder / "report.pdf").read_text().startswith("%PDF-")
