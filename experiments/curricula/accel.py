@@ -7,12 +7,9 @@ priors (:func:`segar.mutate`), so that it is a level of the distribution. Childr
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from segar.experiments.curricula.explorer import Explorer
-from segar.experiments.curricula.level_rows import LevelRows
 from segar.experiments.curricula.robust_plr import RobustPLR
 from segar.experiments.settings import ACCELConfig
 from segar.levels import Levels, mutate, near_levels
@@ -23,13 +20,10 @@ MUTATING = 3  # names the random stream
 class ACCEL(RobustPLR):
     """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
 
+    saved = (*RobustPLR.saved, "children_due", "generations")
     config: ACCELConfig
-
-    def __init__(self, config: ACCELConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
-        super().__init__(config, rows, explorer, seed)
-        self.seed = seed
-        self.children_due = 0.0  # that are to be tried
-        self.generations = 0
+    children_due = 0.0  # that are to be tried
+    generations = 0
 
     def began(self, row: np.ndarray) -> None:
         """Takes note of the time, and of children that are due."""
@@ -60,12 +54,3 @@ class ACCEL(RobustPLR):
             return found
         left = np.flatnonzero(~near_levels(found, stream.apart_from, 0.0, stream.distribution))
         return found[left] if len(left) else None
-
-    def state_dict(self) -> dict[str, Any]:
-        """That of robust PLR, and which children are due."""
-        return {**super().state_dict(), "children_due": self.children_due, "generations": self.generations}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        super().load_state_dict(state)
-        self.children_due, self.generations = state["children_due"], state["generations"]

@@ -1,6 +1,6 @@
 """Trying levels out: whole episodes of the agent, from which it does not learn, and what the planner can do there."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from torchrl.objectives.value.functional import generalized_advantage_estimate
 from segar.envs import VectorEnv
 from segar.experiments.collection.rewards import learner_reward
 from segar.experiments.curricula.episodes import MEANS, Ended
+from segar.experiments.curricula.saved_state import SavedState
 from segar.experiments.networks.encoders import successive
 from segar.hardness import plan
 from segar.levels import Levels
@@ -31,7 +32,7 @@ class Tried:
         return np.bincount(self.ended.row, self.success, levels) / np.bincount(self.ended.row, minlength=levels)
 
 
-class Explorer:
+class Explorer(SavedState):
     """Plays levels side by side with the agent's present policy and sampled actions.
 
     Args:
@@ -44,6 +45,8 @@ class Explorer:
         agent: the PPO whose policy, rewards and discounts are used; set when it is there.
         steps: of all episodes so far; planned: episodes that the planner simulated so far.
     """
+
+    saved = ("calls", "steps", "planned")
 
     def __init__(
         self, make_env: Callable[[Levels, int], VectorEnv], batch: int, search: tuple[int, int], seed: int
@@ -69,14 +72,6 @@ class Explorer:
         found = plan(levels, task or self.agent.collector.env.task, rng=rng, samples=samples, iterations=iterations)
         self.planned += found.rollouts
         return found.returns
-
-    def state_dict(self) -> dict[str, Any]:
-        """How often it was asked; nothing else lasts."""
-        return {"calls": self.calls, "steps": self.steps, "planned": self.planned}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.calls, self.steps, self.planned = state["calls"], state["steps"], state["planned"]
 
     def _next(self) -> int:
         self.calls += 1

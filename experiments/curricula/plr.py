@@ -8,26 +8,25 @@ the highest scores are kept.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from segar.experiments.curricula.episodes import Ended
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import LevelRows
-from segar.experiments.curricula.scored_rows import ScoredRows
-from segar.experiments.curricula.scores import scores_of
+from segar.experiments.curricula.scores import ScoringCurriculum
 from segar.experiments.settings import PLRConfig
 
 ROWS_PER_ENV = 8  # of new levels, beside those that are kept
 
 
-class PLR:
+class PLR(ScoringCurriculum):
     """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
 
+    saved = ("is_new", "is_left", "replay", "begun", "replayed")
+
     def __init__(self, config: PLRConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
-        self.config, self.rows, self.explorer = config, rows, explorer
-        self.known = ScoredRows(len(rows))
+        super().__init__(config, rows, explorer, seed)
         self.is_new = np.ones(len(rows), np.bool_)  # whether no episode began there
         self.is_left = np.zeros(len(rows), np.bool_)  # whether the level is not worth keeping
         self.replay = np.zeros(len(rows))  # probabilities of the rows among replays; all 0 before the first
@@ -55,7 +54,7 @@ class PLR:
 
     def ended(self, ended: Ended) -> None:
         """Scores the levels of these episodes, and leaves those of the lowest scores where there are too many."""
-        scores = scores_of(self.config.score, ended, self.rows.levels, self.known, self.explorer)
+        scores = self.scored(ended)
         there = ~self.is_left[ended.row]
         self.known.score[ended.row[there]] = scores[there]
         if self.rows.is_endless:
@@ -73,23 +72,6 @@ class PLR:
         figures = {"scored": float(len(scored)), "replayed": self.replayed / max(self.begun, 1)}
         self.begun = self.replayed = 0
         return figures | ({"score": float(scored.mean())} if len(scored) else {})
-
-    def scores(self) -> np.ndarray:
-        """Of the levels in all rows, nan where there is none."""
-        return self.known.score
-
-    def state_dict(self) -> dict[str, Any]:
-        """Scores, and which rows are new or left."""
-        counts = {"begun": self.begun, "replayed": self.replayed}
-        return {
-            **self.known.state_dict(), "is_new": self.is_new, "is_left": self.is_left, "replay": self.replay, **counts
-        }  # fmt: skip
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.known.load_state_dict(state)
-        self.is_new, self.is_left, self.replay = (state[name].copy() for name in ("is_new", "is_left", "replay"))
-        self.begun, self.replayed = state["begun"], state["replayed"]
 
     def _weigh(self) -> None:
         """Has the environments draw a replay with its probability, and else a new level, each equally often."""

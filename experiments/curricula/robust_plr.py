@@ -7,29 +7,23 @@ count as frames, unless ``counts_tried`` is false.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from segar.experiments.curricula.episodes import Ended
-from segar.experiments.curricula.explorer import Explorer
-from segar.experiments.curricula.level_rows import LevelRows
 from segar.experiments.curricula.scored_rows import ScoredRows
-from segar.experiments.curricula.scores import scores_of
+from segar.experiments.curricula.scores import ScoringCurriculum, scores_of
 from segar.experiments.settings import RobustPLRConfig
 from segar.levels import Levels
 
 
-class RobustPLR:
+class RobustPLR(ScoringCurriculum):
     """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
 
+    saved = ("due", "begun")
     starts_anew = True  # episodes that began before levels were scored are left
-
-    def __init__(self, config: RobustPLRConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
-        self.config, self.rows, self.explorer = config, rows, explorer
-        self.known = ScoredRows(len(rows))
-        self.due = 0.0  # new levels that are to be tried
-        self.begun = 0  # episodes since the last call of advance
+    due = 0.0  # new levels that are to be tried
+    begun = 0  # episodes since the last call of advance
 
     @staticmethod
     def rows_needed(config: RobustPLRConfig, num_envs: int) -> int:
@@ -43,7 +37,7 @@ class RobustPLR:
 
     def ended(self, ended: Ended) -> None:
         """Scores the levels of these episodes."""
-        self.known.score[ended.row] = scores_of(self.config.score, ended, self.rows.levels, self.known, self.explorer)
+        self.known.score[ended.row] = self.scored(ended)
 
     def advance(self, frames: int) -> Mapping[str, float]:
         """Tries as many new levels as are due, and weighs the rows."""
@@ -80,16 +74,3 @@ class RobustPLR:
         """How many levels have scores, and their mean."""
         scored = self.known.score[self.known.is_scored]
         return {"scored": float(len(scored)), "score": float(scored.mean()) if len(scored) else 0.0}
-
-    def scores(self) -> np.ndarray:
-        """Of the levels in all rows, nan where there is none."""
-        return self.known.score
-
-    def state_dict(self) -> dict[str, Any]:
-        """Scores, and what is due."""
-        return {**self.known.state_dict(), "due": self.due, "begun": self.begun}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.known.load_state_dict(state)
-        self.due, self.begun = state["due"], state["begun"]

@@ -1,16 +1,12 @@
 """Which levels are worth another episode: scores, ranks and the time since they were played (Jiang et al. 2021)."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
+from segar.experiments.curricula.saved_state import SavedState
 from segar.experiments.settings import ReplayConfig
 
-ARRAYS = ("score", "played", "best_return", "planned")
 
-
-class ScoredRows:
+class ScoredRows(SavedState):
     """What is known of the levels in a number of rows.
 
     Attributes:
@@ -20,6 +16,8 @@ class ScoredRows:
         planned: float64, the return that the planner found, nan where it was not asked.
         episodes: how many began.
     """
+
+    saved = ("score", "played", "best_return", "planned", "episodes")
 
     def __init__(self, rows: int) -> None:
         self.score, self.planned = np.full(rows, np.nan), np.full(rows, np.nan)
@@ -78,13 +76,3 @@ class ScoredRows:
         taken = np.sort(kept[kept >= len(ours)]) - len(ours)
         free = np.setdiff1d(np.arange(len(ours)), kept)
         return taken, free
-
-    def state_dict(self) -> dict[str, Any]:
-        """All of it."""
-        return {**{name: getattr(self, name) for name in ARRAYS}, "episodes": self.episodes}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        for name in ARRAYS:
-            setattr(self, name, state[name].copy())
-        self.episodes = state["episodes"]

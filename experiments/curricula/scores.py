@@ -6,12 +6,34 @@ expected (Jiang et al. 2021b); made for tasks that reward the end alone, since a
 only. ``regret``: the return that the planner finds less the agent's, which needs the planner (:mod:`segar.hardness`).
 """
 
+from typing import Any
+
 import numpy as np
 
 from segar.experiments.curricula.episodes import Ended
 from segar.experiments.curricula.explorer import Explorer
+from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.curricula.saved_state import SavedState
 from segar.experiments.curricula.scored_rows import ScoredRows
 from segar.levels import Levels
+
+
+class ScoringCurriculum(SavedState):
+    """What curricula that score levels share; see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
+
+    parts = ("known",)
+
+    def __init__(self, config: Any, rows: LevelRows, explorer: Explorer, seed: int) -> None:
+        self.config, self.rows, self.explorer, self.seed = config, rows, explorer, seed
+        self.known = ScoredRows(len(rows))
+
+    def scored(self, ended: Ended) -> np.ndarray:
+        """The score of the level of each episode, float64."""
+        return scores_of(self.config.score, ended, self.rows.levels, self.known, self.explorer)
+
+    def scores(self) -> np.ndarray:
+        """Of the levels in all rows, nan where there is none."""
+        return self.known.score
 
 
 def scores_of(name: str, ended: Ended, levels: Levels, known: ScoredRows, explorer: Explorer) -> np.ndarray:

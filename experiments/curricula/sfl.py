@@ -8,19 +8,21 @@ of them succeeds has the learnability p (1 - p). The ``kept`` levels of the high
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from segar.experiments.curricula.episodes import Ended
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.curricula.saved_state import SavedState
 from segar.experiments.curricula.uniform import Uniform
 from segar.experiments.settings import SFLConfig
 
 
-class SFL:
+class SFL(SavedState):
     """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
+
+    saved = ("is_new", "is_kept", "next")
 
     def __init__(self, config: SFLConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
         self.config, self.rows, self.explorer = config, rows, explorer
@@ -67,15 +69,6 @@ class SFL:
         self._weigh()
         mean = float(learnability[best].mean()) if len(best) else 0.0
         return {"kept": float(len(best)), "learnability": mean, "success_of_candidates": float(rate.mean())}
-
-    def state_dict(self) -> dict[str, Any]:
-        """Which rows are kept or new, and when the next choice is due."""
-        return {"is_new": self.is_new, "is_kept": self.is_kept, "next": self.next}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.is_new, self.is_kept = state["is_new"].copy(), state["is_kept"].copy()
-        self.next = state["next"]
 
     def _weigh(self) -> None:
         kept = self.is_kept.astype(float)

@@ -7,20 +7,22 @@ left, new levels come into all others.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from segar.experiments.curricula.episodes import Ended
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import LevelRows
+from segar.experiments.curricula.saved_state import SavedState
 from segar.experiments.settings import CurriculumConfig
 
 FEWEST_ROWS, ROWS_PER_ENV = 512, 4
 
 
-class Uniform:
+class Uniform(SavedState):
     """The curriculum, see :class:`segar.experiments.curricula.curriculum.Curriculum`."""
+
+    saved = ("is_new",)
 
     def __init__(self, config: CurriculumConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
         self.rows, self.num_envs = rows, rows.env.num_envs
@@ -55,11 +57,3 @@ class Uniform:
     def advance(self, frames: int) -> Mapping[str, float]:
         """There is nothing to do."""
         return {}
-
-    def state_dict(self) -> dict[str, Any]:
-        """Which rows are new."""
-        return {"is_new": self.is_new}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.is_new = state["is_new"].copy()
