@@ -19,7 +19,7 @@ from segar.envs.episode_calls import check_call, count_call, observation_calls, 
 from segar.envs.episode_kernel import ACTION_NOT_FINITE
 from segar.envs.host_episodes import SEEDS, HostEpisodes, with_masks
 from segar.envs.level_pool import LevelPool
-from segar.envs.snapshots import EPISODE_ARRAYS, STATE_ARRAYS, Snapshot
+from segar.envs.snapshots import STATE_ARRAYS, Snapshot
 from segar.envs.trials import trial_info
 from segar.errors import ActionError, ConflictError, LevelError, RuleError, SegarError
 from segar.language import Factor, Parameter
@@ -133,7 +133,7 @@ class DeviceEpisodes:
                     if id(array) not in self._fixed:
                         self._fixed[id(array)] = array, self._tensor(array), changes
         self._tensors: dict[str, torch.Tensor] = {}
-        for name, array in self._arrays().items():
+        for name, array in self.host.now.episode_arrays.items():
             if name == "values":  # number after number: neighbours in the batch are neighbours in memory
                 self._tensors[name] = self._tensor(array.transpose(2, 1, 0)).permute(2, 1, 0)
             else:
@@ -146,11 +146,6 @@ class DeviceEpisodes:
         most = max(call.entry.per_environment for call in calls)
         self._tensors["frame_rows"] = torch.arange(count * most, device=self.device)
         self._kept: tuple[Any, dict[str, torch.Tensor]] | None = None
-
-    def _arrays(self) -> dict[str, np.ndarray]:
-        """The arrays of episodes on the processor."""
-        arrays = {name: getattr(self.host.now.state, name) for name in STATE_ARRAYS}
-        return arrays | {name: getattr(self.host.now, name) for name in EPISODE_ARRAYS}
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         """A copy on the GPU."""
@@ -271,7 +266,7 @@ class DeviceEpisodes:
     def pull(self) -> None:
         """Copy the episodes, and what observations remember, to the arrays on the processor."""
         self.check()
-        for name, array in self._arrays().items():
+        for name, array in self.host.now.episode_arrays.items():
             array[...] = self._tensors[name].cpu().numpy()
         self.host.over = self._over.cpu().numpy()
         for array, tensor, changes in self._fixed.values():
@@ -280,7 +275,7 @@ class DeviceEpisodes:
 
     def push(self) -> None:
         """Take over episodes, and what observations remember, from the arrays on the processor."""
-        for name, array in self._arrays().items():
+        for name, array in self.host.now.episode_arrays.items():
             self._tensors[name].copy_(torch.from_numpy(np.array(array)))
         self._over = self._tensor(self.host.over)
         for array, tensor, changes in self._fixed.values():

@@ -1,6 +1,7 @@
 """Snapshots: all that a batch of environments needs to go on from a moment, to be kept, saved, forked and restored."""
 
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
@@ -67,15 +68,30 @@ class Snapshot:
             raise SegarError(f"snapshot[{index!r}]: it holds {len(self)} environments: {error}") from None
         if not len(rows):
             raise SegarError(f"snapshot[{index!r}] names no environment")
-        state = State(**{name: getattr(self.state, name)[rows] for name in STATE_ARRAYS})
-        memory = {name: array[rows] for name, array in self.memory.items()}
-        own = None if self.parameters is None else self.parameters[rows]
-        return replace(
-            self,
-            state=state,
-            memory=memory,
-            parameters=own,
-            **{name: getattr(self, name)[rows] for name in EPISODE_ARRAYS},
+        return self._of({name: array[rows] for name, array in self._arrays.items()}, self.seed)
+
+    @property
+    def episode_arrays(self) -> dict[str, np.ndarray]:
+        """The arrays that every snapshot has, by name."""
+        return {name: getattr(self.state, name) for name in STATE_ARRAYS} | {
+            name: getattr(self, name) for name in EPISODE_ARRAYS
+        }
+
+    @property
+    def _arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by their names in a file."""
+        own = {} if self.parameters is None else {"parameters": self.parameters}
+        return self.episode_arrays | {f"{MEMORY}{name}": array for name, array in self.memory.items()} | own
+
+    @classmethod
+    def _of(cls, arrays: Mapping[str, np.ndarray], seed: int) -> Self:
+        """The snapshot with these arrays, which have their names in a file."""
+        return cls(
+            State(**{name: arrays[name] for name in STATE_ARRAYS}),
+            **{name: arrays[name] for name in EPISODE_ARRAYS},
+            seed=seed,
+            memory={name.removeprefix(MEMORY): array for name, array in arrays.items() if name.startswith(MEMORY)},
+            parameters=arrays.get("parameters"),
         )
 
     def copy(self) -> Self:
@@ -89,12 +105,8 @@ class Snapshot:
         Raises:
             SegarError: the file cannot be written; what stood at ``path`` still stands there.
         """
-        arrays = {name: getattr(self.state, name) for name in STATE_ARRAYS}
-        arrays |= {name: getattr(self, name) for name in EPISODE_ARRAYS}
-        arrays |= {f"{MEMORY}{name}": array for name, array in self.memory.items()}
-        arrays |= {} if self.parameters is None else {"parameters": self.parameters}
         about = {"seed": self.seed, "memory": list(self.memory), "parameters": self.parameters is not None}
-        FORMAT.write(Path(path), arrays, about)
+        FORMAT.write(Path(path), self._arrays, about)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:
@@ -120,13 +132,7 @@ class Snapshot:
             what = "its seed is" if metadata["seed"] < 0 else f"numbers of '{negative[0]}' are" if negative else None
             wrong = f"{what} below 0" if what else "it holds no environments"
             raise SegarError(f"{path}: {wrong}; the file was changed, save the snapshot again")
-        return cls(
-            State(**{name: arrays[name] for name in STATE_ARRAYS}),
-            **{name: arrays[name] for name in EPISODE_ARRAYS},
-            seed=metadata["seed"],
-            memory={name: arrays[f"{MEMORY}{name}"] for name in metadata.get("memory", ())},
-            parameters=arrays.get("parameters"),
-        )
+        return cls._of(arrays, metadata["seed"])
 
     def check_fits(self, levels: Levels, num_envs: int) -> None:
         """Raise :class:`SegarError` unless ``num_envs`` environments on ``levels`` can go on from here.
@@ -140,8 +146,7 @@ class Snapshot:
                 f" snapshot[[0, 0, 1]], or make an environment of num_envs={len(self)}"
             )
         sizes: dict[str, int] = {}
-        for name in (*EPISODE_ARRAYS, *STATE_ARRAYS):
-            array = getattr(self.state if name in STATE_ARRAYS else self, name)
+        for name, array in self.episode_arrays.items():
             if not _form(name).fits(array.dtype, array.shape, sizes):
                 raise SegarError(
                     f"in this snapshot, '{name}' must be {_form(name).said(sizes)}, not {array.dtype} of shape {array.shape}"
