@@ -4,9 +4,11 @@ import html
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from segar.analysis.benchmark.causes import EFFECT, effects_on
 from segar.analysis.benchmark.scores import (
@@ -54,80 +56,34 @@ def page_text(
     panel: pd.DataFrame | None = None,
 ) -> str:
     """The page in Markdown."""
-    overall = suites[OVERALL]
-    learners = learners_on(table, overall)
+    learners = learners_on(table, suites[OVERALL])
     repeated = generalizability(learners, DRAWN, "row", "suite", "seed")
-    parts = [HEAD.format(plays=RANDOM_PLAYS, levels=LEVELS, **{one: BUDGETS[one] for one in ("laptop", "server")})]
-    parts += [ranking_text(repeated), "## All suites\n", overall_table(rows, table, board, overall)]
-    parts += ["## Practice test only\n", PRACTICE_ONLY, practice_table(rows, board), chance_text(table, suites)]
-    if panel is not None:
-        parts += ["## Panel\n", PANEL, panel_table(panel)]
-    parts += [
-        "![Success above chance, score, and what success gains on causal twins, by axis](profile.png)\n",
-        "## By axis\n",
-        AXES_NOTE,
-    ]
-    parts += [
-        f"{WORDS_OF[one]}; in brackets, how many suites there are:\n\n{axes_table(select(board, quantity=one), suites)}"
-        for one in WORDS_OF
-    ]
-    parts += ["## Would other seeds and suites say the same?\n", repetition_text(learners, repeated)]
-    parts += ["## What failures come from\n", CAUSES, causes_text(causes, suites)]
-    parts += ["## Suite by suite\n", SUITES, *suite_tables(table, suites)]
-    parts += ["## Rows\n", rows_table(rows), HOW_TO]
-    return "\n".join(parts)
-
-
-HEAD = """# Leaderboard
-
-What methods achieve on suites ([how to read it, and how to add a row](../../how-to/compare-on-a-suite.md)). The headline is
-*success above chance* on *drawn* levels: (s - random) / (planner - random), where s is the share of levels that are solved. It
-is 0 for random play and 1 for the planner, which searches in the simulator. The {levels:,} levels of each suite and seed are
-drawn from the hash of the row, so nobody can have seen them before the row was what it is. The frozen levels of a suite are for
-*practice*. *Practice minus drawn* is above 0 where a method has memorised them. *Time* is the number of steps on drawn levels
-that both solve, over the planner's. The *score* is a diagnostic, on practice levels: 0 where the mean return is that of the
-better of idle and random play ({plays} random episodes per level and seed), 1 where it is the planner's. Returns are shaped,
-so that a ball that stops near the goal has a high score and no success.
-
-Square brackets hold Student's 95 % intervals: the first ones over seeds, each of which is an agent, its training levels and its
-drawn levels; those called *over suites* let suites vary, too. The budget `laptop` is {laptop:,} frames of training on each
-suite with each seed, `server` {server:,}. Every row can be played again to the bit.
-
-This page is made from the tables beside it by `segar benchmark table=true rows=docs/results/benchmark`.
-"""
-PRACTICE_ONLY = """Rows whose levels were not drawn: the references, by which the others are measured, recorded actions, which
-cannot be played on new levels, and rows whose networks are not all here.
-"""
-PANEL = """`segar benchmark panel=true` plays these on drawn levels. A red row is not as it must be.
-"""
-AXES_NOTE = """`all` leaves out suites of textures, the axis `look`, which agents that see states cannot play.
-"""
-CAUSES = """A *causal twin* is a test level in which one group of factors is set as a training level has it, and nothing else
-([more](../../how-to/compare-on-a-suite.md#ask-why-an-agent-fails)). The numbers are what success gains on twins: how
-much of the failures comes from this group. Below 0, the test is easier in this group than training. Bold groups differ
-between training and test; `all` sets all of those together, and is what the profile shows where several differ. The
-other groups are controls, in which training and test are alike; what they gain is chance. Means over seeds, with
-Student's 95 % intervals. Suites in which training and test have one distribution have no twins, and the references did
-not play any.
-"""
-SUITES = """Means over seeds. *Gap*: return on test levels minus that on training levels. *Regret*: what the return on test
-levels lacks of the planner's. *Score*: on test levels. *Gained on twins*: success on twins in which all that differs is as in
-training, minus success on test levels. *Success, test* and all that is not drawn is on practice levels.
-"""
-HOW_TO = """
-## Add a row
-
-```sh
-segar benchmark suite=core budget=laptop algorithm=my_lab.learner:MyConfig seeds=5 rows=docs/results/benchmark
-segar benchmark suite=core policy=my_lab.method:policy row=mine seeds=5 rows=docs/results/benchmark
-segar benchmark suite=core actions=FOLDER row=mine seeds=5 rows=docs/results/benchmark
-segar benchmark verify=all rows=docs/results/benchmark
-```
-
-The first command trains an algorithm of your own, the second one plays a method that was trained elsewhere in a process of its
-own, the third one takes files of actions, which are a practice test only. Add the folder of the row and this page in a pull
-request; tests play it again.
-"""
+    members = [name for axis, names in suites.items() if axis != OVERALL for name in names]
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["interval"] = lambda one: interval(vars(one))
+    limits = {"trusted": TRUSTED_COEFFICIENT, "fewest_seeds": FEWEST_SEEDS}
+    return environment.get_template("leaderboard.md.jinja").render(
+        **limits,
+        plays=RANDOM_PLAYS,
+        levels=LEVELS,
+        budgets=BUDGETS,
+        repeated=repeated,
+        overall=overall_table(rows, table, board, suites[OVERALL]),
+        practice=practice_table(rows, board),
+        chance=chance_text(table, members),
+        panel=None if panel is None else panel_table(panel),
+        axes={words: axes_table(select(board, quantity=one), suites) for one, words in WORDS_OF.items()},
+        causes=causes_text(causes, members),
+        on_suites={name: rows_on(name, table) for name in members},
+        rows=rows_table(rows),
+        **({} if repeated is None else repetition_tables(learners, repeated)),
+    )
 
 
 WORDS_OF = {DRAWN: "Success above chance on drawn levels", PRACTICE: "Success above chance on practice levels"}
@@ -161,20 +117,6 @@ def interval(line: Mapping[str, float]) -> str:
 def over_suites(line: Mapping[str, float]) -> str:
     """The interval over suites."""
     return "–" if pd.isna(line["suites_low"]) else f"[{number(line['suites_low'])}, {number(line['suites_high'])}]"
-
-
-def ranking_text(found: Generalizability | None) -> str:
-    """What the page says first where its ranking is none."""
-    if found is None:
-        return "**These rows do not rank methods:** two learners with drawn levels on all suites are needed.\n"
-    one, few = found.coefficient, found.seeds < FEWEST_SEEDS
-    if one.low >= TRUSTED_COEFFICIENT and not few:
-        return ""
-    seeds = f" They have {found.seeds} seeds, and a place needs {FEWEST_SEEDS}." if few else ""
-    return (
-        f"**These rows do not rank methods yet.** The coefficient of generalizability of {found.methods} learners is"
-        f" {interval(vars(one))}; a ranking needs a lower end of {TRUSTED_COEFFICIENT}.{seeds}\n"
-    )
 
 
 def place_text(place: tuple[int, int] | None) -> str:
@@ -258,32 +200,19 @@ def practice_table(rows: Mapping[str, Row], board: pd.DataFrame) -> str:
     return markdown(["row", "success above chance, practice", "over suites", "score", "seeds"], lines)
 
 
-def chance_text(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
+def chance_text(table: pd.DataFrame, members: Sequence[str]) -> str:
     """The suites on which nobody who learns beats chance."""
-    members = [name for axis, names in suites.items() if axis != OVERALL for name in names]
     lost = [name for name in members if not beats_chance(table, name)]
     if not lost:
         return "On every suite, a learner solves more levels than random play does.\n"
     return f"No learner solves more levels than random play does on: {', '.join(lost)}. These suites count like all others.\n"
 
 
-def repetition_text(learners: pd.DataFrame, found: Generalizability | None) -> str:
+def repetition_tables(learners: pd.DataFrame, found: Generalizability) -> dict[str, str]:
     """Variance components, how many seeds and suites name the winner, and how often intervals hold the truth."""
-    if found is None:
-        return "Two learners with drawn levels on all suites, and two seeds, are needed for this.\n"
     whole = sum(found.components.values())
     shares = [[name, number(one, 4), f"{one / whole:.0%}"] for name, one in found.components.items()]
-    text = f"""Variance components of success above chance, of {found.methods} learners, {found.suites} suites and
-{found.seeds} seeds. The coefficient of generalizability is the share of methods in the variance of the rows' means:
-{interval(vars(found.coefficient))}.
-
-{markdown(["component", "variance", "share"], shares)}
-In planted tables with these components, the best of {found.methods} methods has the highest mean in 9 of 10 repetitions with so
-many suites:
-
-"""
     needed = [[str(seeds), str(found.suites_needed(seeds) or f"more than {MOST_SUITES}")] for seeds in SEEDS]
-    text += markdown(["seeds", "suites"], needed)
     sd = found.components["run"] ** 0.5
     means = [float(one[DRAWN].to_numpy().mean()) for _, one in learners.groupby("suite", dropna=False)]
     covered = [
@@ -291,10 +220,11 @@ many suites:
         for seeds in SEEDS
     ]
     head = ["seeds", "one suite, success 0.1", "0.5", "0.9", "mean of the suites"]
-    return (
-        f"{text}\nHow often intervals of 95 % over seeds hold the truth, in planted tables with this variance between runs:\n\n"
-        + markdown(head, covered)
-    )
+    return {
+        "components": markdown(["component", "variance", "share"], shares),
+        "needed": markdown(["seeds", "suites"], needed),
+        "covered": markdown(head, covered),
+    }
 
 
 def panel_table(panel: pd.DataFrame) -> str:
@@ -318,9 +248,8 @@ def axes_table(board: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
     return markdown(["row", *(f"{axis} ({len(members)})" for axis, members in suites.items())], lines)
 
 
-def causes_text(causes: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
+def causes_text(causes: pd.DataFrame, members: Sequence[str]) -> str:
     """What success gains on the twins of each group of each suite, a column per row that played them."""
-    members = [name for axis, names in suites.items() if axis != OVERALL for name in names]
     found = {name: effects_on(name, causes) for name in members if name in set(causes["suite"])}
     if not found:
         return "No row here played twins yet.\n"
@@ -336,12 +265,6 @@ def causes_text(causes: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> st
 
 def _as_estimate(line: Mapping[str, float]) -> dict[str, float]:
     return {name: line[f"effect{end}"] for name, end in (("estimate", ""), ("low", "_low"), ("high", "_high"))}
-
-
-def suite_tables(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> list[str]:
-    """A table for each suite."""
-    names = [name for axis, members in suites.items() if axis != OVERALL for name in members]
-    return [f"### {name}\n\n{rows_on(name, table)}" for name in names]
 
 
 def rows_on(name: str, table: pd.DataFrame) -> str:
