@@ -1,6 +1,7 @@
 """How figures look: colours that colour-blind readers can tell apart, one marker per difficulty, readable sizes."""
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -14,26 +15,7 @@ KNOWN = {"easy": 0, "medium": 1, "hard": 2, "empty": 0, "objectsx1": 1, "tilesx1
 
 LINE_WIDTH = 1.5
 
-SETTINGS: dict[str, Any] = {
-    "figure.dpi": 100,
-    "savefig.dpi": 150,
-    "font.size": 10,
-    "axes.titlesize": 10,
-    "axes.labelsize": 10.5,
-    "xtick.labelsize": 9.5,
-    "ytick.labelsize": 9.5,
-    "legend.fontsize": 9.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "text.parse_math": False,  # names are users': a dollar is a dollar
-    "pdf.fonttype": 42,  # letters stay letters
-    "svg.hashsalt": "segar",
-}
+SETTINGS = matplotlib.rc_params_from_file(Path(__file__).with_name("segar.mplstyle"), use_default_template=False)
 
 
 def applied() -> Any:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from segar.analysis.plotting.names import ALGORITHMS
+from segar.analysis.plotting.names import WORDS
 from segar.analysis.report.captions import GLOSSARY, SETTINGS, TABLES
 from segar.analysis.report.claims import verdicts
 from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, OF_PAPER, Claim
@@ -175,9 +175,7 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
     if not there:
         return []
     main = evidence.ungated.main
-    rows = [
-        [one["setting"], one["paper"], stated(main, one["column"], one.get("words", ALGORITHMS))] for one in SETTINGS
-    ]
+    rows = [[one["setting"], one["paper"], stated(main, one["column"], one.get("words", WORDS))] for one in SETTINGS]
     note = (
         "Distances, returns and statistics of the 2022 metric are the paper's; agents are not, but for the block with the "
         "paper's own agent (claim 3a-agent)."
