@@ -5,7 +5,7 @@ its settings, whose ``learner`` names a class as ``module:Class``; that class, w
 YAML in ``conf/algorithm/`` that names the settings. :class:`segar.experiments.algorithms.ppo.PPO` is one to start from.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,9 +13,7 @@ import torch
 from torch import nn
 
 from segar.envs import VectorEnv
-from segar.experiments.settings import AlgorithmConfig, ConfigError, import_object
-
-SHOWN = 6  # members that an error lists, at most
+from segar.experiments.settings import AlgorithmConfig, class_behind, require_members
 
 
 class PolicyNetwork(Protocol):
@@ -73,29 +71,13 @@ class Learner(Protocol):
 
 def learner_class(config: AlgorithmConfig) -> type[Learner]:
     """The class that ``config.learner`` names; raises :class:`ConfigError` that lists the methods which it lacks."""
-    name = getattr(config, "learner", None)
-    if not isinstance(name, str):
-        raise ConfigError(
-            f"algorithm: {type(config).__module__}.{type(config).__qualname__} names no learner; "
-            "learner: ClassVar[str] = 'module:Class' does"
-        )
-    found = import_object(name, "algorithm")
-    _require_members(found, vars(Learner), f"{name} is no learner")
-    return found
+    return class_behind(config, "learner", Learner, "algorithm")
 
 
 def make_learner(kind: type[Learner], config: AlgorithmConfig, env: Any, frames: int, seed: int) -> Learner:
     """A learner of this class; raises :class:`ConfigError` that lists the attributes which it or its policy lacks."""
     learner, name = kind(config, env, frames, seed), f"{kind.__module__}:{kind.__qualname__}"
-    _require_members(learner, Learner.__annotations__, f"{name} is no learner")
-    _require_members(learner.policy, {**vars(PolicyNetwork), **vars(nn.Module)}, f"the policy of {name} is none")
+    require_members(learner, Learner.__annotations__, f"algorithm: {name} is no learner", Learner)
+    of_policy = {**vars(PolicyNetwork), **vars(nn.Module)}
+    require_members(learner.policy, of_policy, f"algorithm: the policy of {name} is none", Learner)
     return learner
-
-
-def _require_members(found: Any, members: Iterable[str], problem: str) -> None:
-    lacking = [name for name in members if not name.startswith("_") and not hasattr(found, name)]
-    if lacking:
-        shown = ", ".join(lacking[:SHOWN]) + (", ..." if len(lacking) > SHOWN else "")
-        raise ConfigError(
-            f"algorithm: {problem}: it lacks {shown}. segar.experiments.algorithms.learner says what each is for"
-        )

@@ -14,7 +14,7 @@ import numpy as np
 from segar.experiments.curricula.episodes import Ended
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import LevelRows
-from segar.experiments.settings import ConfigError, CurriculumConfig, import_object
+from segar.experiments.settings import CurriculumConfig, class_behind
 
 
 class Curriculum(Protocol):
@@ -60,17 +60,4 @@ class Curriculum(Protocol):
 
 def curriculum_class_of(config: CurriculumConfig) -> type[Any]:
     """The class that ``config.chooser`` names; raises :class:`ConfigError` that lists the methods which it lacks."""
-    name = getattr(config, "chooser", None)
-    if not isinstance(name, str):
-        raise ConfigError(
-            f"curriculum: {type(config).__module__}.{type(config).__qualname__} names no class that chooses levels;"
-            " chooser: ClassVar[str] = 'module:Class' does"
-        )
-    found = import_object(name, "curriculum")
-    lacking = [member for member in vars(Curriculum) if not member.startswith("_") and not hasattr(found, member)]
-    if lacking:
-        raise ConfigError(
-            f"curriculum: {name} is no curriculum: it lacks {', '.join(lacking)}. segar.experiments.curricula.curriculum says"
-            " what each is for"
-        )
-    return found
+    return class_behind(config, "chooser", Curriculum, "curriculum")

@@ -71,11 +71,13 @@ from segar.experiments.settings.grid import GridPoint, config_at, design, design
 from segar.experiments.settings.imported_sources import imported_from
 from segar.experiments.settings.own_code import (
     add_module_path,
+    class_behind,
     class_named,
     import_object,
     is_level_file,
     level_file,
     name_of_target,
+    require_members,
     without_files,
     without_folder,
 )

@@ -16,6 +16,7 @@ from segar.errors import SegarError
 from segar.experiments.settings.errors import ConfigError
 from segar.support import module_in_file, named_object, object_name, resolve, sha256_of
 
+SHOWN = 6  # members that an error lists, at most
 LEVEL_FILE = re.compile(r"(.+\.(?:npz|json))(?:#([0-9a-f]{8}))?")
 
 
@@ -113,3 +114,25 @@ def class_named(target: str, base: type[T], place: str) -> type[T]:
     if not (isinstance(cls, type) and issubclass(cls, base)):
         raise ConfigError(f"{place}: '{target}' is not a sub-class of segar.experiments.settings.{base.__name__}")
     return cls
+
+
+def class_behind(config: Any, setting: str, protocol: type[T], place: str) -> type[T]:
+    """The class that carries settings out, which their class variable ``setting`` names; raises :class:`ConfigError` that lists
+    the methods of ``protocol`` which it lacks."""
+    name, noun = getattr(config, setting, None), protocol.__name__.lower()
+    if not isinstance(name, str):
+        raise ConfigError(
+            f"{place}: {type(config).__module__}.{type(config).__qualname__} names no {noun};"
+            f" {setting}: ClassVar[str] = 'module:Class' does"
+        )
+    found = import_object(name, place)
+    require_members(found, vars(protocol), f"{place}: {name} is no {noun}", protocol)
+    return found
+
+
+def require_members(found: Any, members: Iterable[str], problem: str, protocol: type) -> None:
+    """Raise :class:`ConfigError` that begins with the ``problem`` where an object lacks some of these public members."""
+    lacking = [name for name in members if not name.startswith("_") and not hasattr(found, name)]
+    if lacking:
+        shown = ", ".join(lacking[:SHOWN]) + (", ..." if len(lacking) > SHOWN else "")
+        raise ConfigError(f"{problem}: it lacks {shown}. {protocol.__module__} says what each is for")

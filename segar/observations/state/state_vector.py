@@ -102,19 +102,20 @@ class BoundStateVector:
 
     def __init__(self, state: StateVector, levels: Levels) -> None:
         state = state.on(levels.layout)
-        self._places = lay_out(state, levels.layout)
-        self.names = self._places.names
-        self._shift, self._scale = shift_and_scale(state, self._places, levels)
-        self._width = levels.layout.width
-        self._types, self._missing, self._mask = levels.types, float(state.missing), state.mask
-        self._parameters = np.ascontiguousarray(levels.parameters)
+        places = lay_out(state, levels.layout)
+        shift, scale = shift_and_scale(state, places, levels)
+        self.names, self._mask, self._states = places.names, state.mask, levels.values.shape[1:]
+        parameters, missing = np.ascontiguousarray(levels.parameters), float(state.missing)
+        self._read = (
+            levels.types, places.reads, places.type_reads, parameters, places.parameter_reads, places.seen, shift, scale,
+            missing, FACTOR_LIMIT,
+        )  # fmt: skip
         self.reads: Reads | None = None
-        if self._places.seen is None and self._shift is None and self._mask is None:
+        if places.seen is None and shift is None and self._mask is None:
             self.reads = Reads(
-                levels.types, self._places.reads, self._places.type_reads, self._missing, FACTOR_LIMIT, self._parameters,
-                self._places.parameter_reads,
-            )  # fmt: skip
-        box = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, self._places.shape, np.float32)
+                levels.types, places.reads, places.type_reads, missing, FACTOR_LIMIT, parameters, places.parameter_reads
+            )
+        box = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, places.shape, np.float32)
         self.space: gymnasium.Space = box
         if state.mask == "dict":
             self.space = gymnasium.spaces.Dict(
@@ -128,11 +129,7 @@ class BoundStateVector:
         """Fill ``out[rows]``, float32 ``[env, *space.shape]``, or both arrays of ``{"state", "mask"}``."""
         state, mask = (out["state"], out["mask"]) if self._mask == "dict" else (out, out)
         mask = mask.reshape(len(mask), -1) if self._mask is not None else None
-        places = self._places
-        gather(
-            values, level, rows, self._types, places.reads, places.type_reads, self._parameters, places.parameter_reads,
-            places.seen, self._shift, self._scale, self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask,
-        )  # fmt: skip
+        gather(values, level, rows, *self._read, state.reshape(len(state), -1), mask)
 
     def calls(self, when: str, in_rows: bool = False) -> list[Call]:
         """What ``write`` does, for other targets; see :class:`segar.observations.RunsOnTargets`.
@@ -141,30 +138,9 @@ class BoundStateVector:
         """
         if when != "write":
             return []
-        places, length = self._places, int(np.prod(self._places.shape))
-        values, level = Given("float64", ("envs", self._types.shape[1], self._width)), Given("int64", ("envs",))
-        table = Given("float32", ("envs", length))
-        arguments = [
-            *(
-                values,
-                level,
-                Rows(),
-                self._types,
-                places.reads,
-                places.type_reads,
-                self._parameters,
-                places.parameter_reads,
-            ),
-            *(
-                places.seen,
-                self._shift,
-                self._scale,
-                self._missing,
-                FACTOR_LIMIT,
-                table,
-                None if self._mask is None else table,
-            ),
-        ]
+        values, level = Given("float64", ("envs", *self._states)), Given("int64", ("envs",))
+        table = Given("float32", ("envs", len(self.names)))
+        arguments = [values, level, Rows(), *self._read, table, None if self._mask is None else table]
         sizes = {"types": ("levels", None), "parameters": ("levels", None)}
         return [call_of("gather_state", gather, arguments, sizes)]
 
