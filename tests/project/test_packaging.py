@@ -18,6 +18,9 @@ from tests.places import ROOT
 LINKED = ("experiments", "analysis", "conf")
 
 
+SHIPPED = (".py", ".pyi", ".yaml", ".html", ".jinja", ".mplstyle", ".ll")
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     """The wheel of this checkout, open."""
@@ -37,9 +40,7 @@ def test_the_wheel_ships_segar_alone(wheel):
 
 def test_the_wheel_ships_every_module_and_every_configuration(wheel):
     places = [ROOT / "segar", *(ROOT / "segar" / name for name in LINKED)]
-    sources = {
-        file for place in places for file in place.resolve().rglob("*") if file.suffix in (".py", ".pyi", ".yaml")
-    }
+    sources = {file for place in places for file in place.resolve().rglob("*") if file.suffix in SHIPPED}
     names = [file.relative_to(ROOT).as_posix() for file in sources]
     assert {name if name.startswith("segar/") else f"segar/{name}" for name in names} <= set(wheel.namelist())
 
