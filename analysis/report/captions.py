@@ -9,5 +9,6 @@ import yaml
 CAPTIONS: Mapping[str, Any] = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_bytes())
 FIGURES: Mapping[str, str] = CAPTIONS["figures"]
 TABLES: Mapping[str, str] = CAPTIONS["tables"]
+TEXTS: Mapping[str, str] = CAPTIONS["texts"]  # with names in braces for what is filled in
 GLOSSARY: Sequence[str] = CAPTIONS["glossary"]
 SETTINGS: Sequence[Mapping[str, Any]] = CAPTIONS["settings"]

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from segar.analysis.report.captions import TEXTS
 from segar.analysis.report.claims import verdicts
 from segar.analysis.report.claims.claim import LEARNED, METRIC_OURS, Claim, Finding
 from segar.analysis.report.claims.evidence import Evidence
@@ -41,10 +42,9 @@ def why(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
         runs = f"; {claim.planned}" if claim.planned.is_short else ""
         beside = f"; in its place {found.beside}" if found and found.beside else ""
         said[name] = claim.verdict(METRIC_OURS) + (f" ({number(found)}{beside}{runs})" if found else "")
-    return (
-        f"Over all cells, the gap is worse at larger W2: {said['3a']}. At equal numbers of levels, farther sets are worse: "
-        f"{said['matched-w2']} from pixels, {said['states-w2']} from states. {levels_close(evidence)}"
-    ).strip()
+    headline, pixels, states = said.values()
+    text = TEXTS["why"].format(headline=headline, pixels=pixels, states=states, levels=levels_close(evidence))
+    return text.strip()
 
 
 def levels_close(evidence: Evidence) -> str:
@@ -55,10 +55,8 @@ def levels_close(evidence: Evidence) -> str:
         return ""
     few, many = (evidence.mean(select(main, n=n), "gap_success") for n in (counts[0], counts[-1]))
     levels = "one training level" if counts[0] == 1 else f"{counts[0]} training levels"
-    return (
-        f"With {levels}, success on test levels less that on training levels is {estimate_text(few, '')}; with {counts[-1]}, "
-        f"it is {estimate_text(many, '')}."
-    )
+    shown = {"few": estimate_text(few, ""), "many": estimate_text(many, "")}
+    return TEXTS["levels_close"].format(fewest=levels, most=counts[-1], **shown)
 
 
 def leading(claim: Claim, settings: str) -> Finding | None:

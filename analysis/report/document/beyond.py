@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import pandas as pd
 
 from segar.analysis.plotting.names import word_for
-from segar.analysis.report.captions import TABLES
+from segar.analysis.report.captions import TABLES, TEXTS
 from segar.analysis.report.claims.claim import METRIC_OURS
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.claims.prediction import matched_predictions
@@ -143,13 +143,9 @@ def true_factors(evidence: Evidence) -> list[Block]:
     pairs = differences(both, "success_test_deterministic", {"sees": ("factors", "pixels")}, SAME)
     if pairs.empty:
         return []
-    found = evidence.mean(pairs)
+    difference = estimate_text(evidence.mean(pairs), "")
     return [
-        Paragraph(
-            f"Success on test levels with factors less that with pixels, of the same levels and seeds: "
-            f"{estimate_text(found, '')}. Agents with factors had {frames_of(seen)} frames, those with pixels "
-            f"{frames_of(main)}."
-        )
+        Paragraph(TEXTS["true_factors"].format(difference=difference, frames=frames_of(seen), pixels=frames_of(main)))
     ]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from segar.analysis.plotting.names import WORDS
-from segar.analysis.report.captions import GLOSSARY, SETTINGS, TABLES
+from segar.analysis.report.captions import GLOSSARY, SETTINGS, TABLES, TEXTS
 from segar.analysis.report.claims import verdicts
 from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, OF_PAPER, Claim
 from segar.analysis.report.claims.evidence import Evidence
@@ -135,9 +135,7 @@ def who_counts(evidence: Evidence, there: bool) -> list[Block]:
         return []
     text = [Heading("Which runs count"), Paragraph(" ".join(str(RULES["gate"]["leading"]).split()))]
     if evidence.all_results.players.empty:
-        text.append(
-            Paragraph("Idle and random play were not measured (`experiments=[anchors]`); 0 stands for them.", "warning")
-        )
+        text.append(Paragraph(TEXTS["not_measured"], "warning"))
     return [*text, tables.gate_table(evidence)]
 
 
@@ -158,16 +156,7 @@ def confound(evidence: Evidence) -> str:
         return "No run learned its training levels."
     both = dict(zip(part["w2"], column(part, "r2"), strict=True))
     mode = "exact" if "exact" in both else evidence.modes[0]
-    return (
-        f"Panel and log n explain {per_cent(both[mode])} of the variance of the logarithm of the "
-        f"{tables.DISTANCES[mode]}: a correlation with nothing given cannot tell W2 from how many levels were "
-        "sampled, and where. The partial correlation given both rests on the few per cent that are left."
-    )
-
-
-def per_cent(share: float) -> str:
-    """``93 %``."""
-    return f"{100 * share:.0f} %"
+    return TEXTS["confound"].format(share=f"{100 * both[mode]:.0f} %", distance=tables.DISTANCES[mode])
 
 
 def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
@@ -176,12 +165,8 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
         return []
     main = evidence.ungated.main
     rows = [[one["setting"], one["paper"], stated(main, one["column"], one.get("words", WORDS))] for one in SETTINGS]
-    note = (
-        "Distances, returns and statistics of the 2022 metric are the paper's; agents are not, but for the block with the "
-        "paper's own agent (claim 3a-agent)."
-    )
     head = ("setting", "paper and code of 2022", "this main grid")
-    return [Heading("What is whose"), Table(head, rows, 3, TABLES["settings"]), Paragraph(note)]
+    return [Heading("What is whose"), Table(head, rows, 3, TABLES["settings"]), Paragraph(TEXTS["settings"])]
 
 
 def stated(main: pd.DataFrame, setting: str, words: Mapping[str, str]) -> str:
@@ -209,10 +194,7 @@ def what_was_run(evidence: Evidence) -> list[Block]:
         hours = plain(float(column(runs, "hours").sum()), 1)
         sentences.append(f"All {len(runs)} runs together took {hours} hours of training and evaluation.")
     if "test_levels" in runs:
-        sentences.append(
-            f"Agents were tested on {listed(runs['test_levels'])} test levels each, which all seeds of a panel share: "
-            "intervals are about other training sets and agents on these very test levels."
-        )
+        sentences.append(TEXTS["test_levels"].format(levels=listed(runs["test_levels"])))
     return [Heading("What was run"), shown, Paragraph(" ".join(sentences)), *versions(named)]
 
 
@@ -234,15 +216,13 @@ def versions(named: pd.DataFrame) -> list[Block]:
         commits = ", ".join(f"`{commit}`" for commit in sorted(shortened))
         rows.append([f"`{code}`", commits, listed(part["experiment"]), str(count_of(part, "run"))])
     many = "several versions" if len(rows) > 1 else "one version"
-    caption = (
-        f"The runs were made by {many} of the code. A fingerprint is that of the simulator and of the modules of the "
-        "algorithm, so each algorithm has its own; commits are those of the checkout, with a + where its files "
-        "had changed."
-    )
     libraries = [Paragraph(f"Libraries: {made}.")] if made else []
     computed = sorted(set(named["computed_with"]) - {""})
     libraries += [Paragraph(f"Computed with: {'. Others: '.join(computed)}.")] if computed else []
-    return [*libraries, Table(("fingerprint", "commits", "experiments", "runs"), rows, 3, caption)]
+    return [
+        *libraries,
+        Table(("fingerprint", "commits", "experiments", "runs"), rows, 3, TEXTS["versions"].format(many=many)),
+    ]
 
 
 def how_verdicts_are_decided(
@@ -256,19 +236,13 @@ def how_verdicts_are_decided(
     items.append(f"**Least**: {evidence.least_blocks} {blocks}. With fewer, a claim cannot be tested.")
     items.append("**Margins**: " + ", ".join(f"{name} {MARGINS[name]:g}" for name in margins) + ".")
     if "deviations" in margins:
-        items.append(
-            "**Deviations** are of returns, in standard deviations of the very differences that are tested. They say little of "
-            "what matters in a task: with few pairs, p < 0.05 asks for more."
-        )
+        items.append(TEXTS["deviations"])
     return Heading("How verdicts are decided"), Bullets(items)
 
 
 def written_before() -> list[Block]:
     """When the rules were written, the hash of their file, and the one test of each claim that they name."""
-    text = (
-        f"These rules were written on {WRITTEN}, in `analysis/report/rules.yaml` (SHA-256 `{SHA256[:16]}`). "
-        f"{sentence(RULES['seen'])}"
-    )
+    text = TEXTS["written"].format(day=WRITTEN, digest=SHA256[:16], seen=sentence(RULES["seen"]))
     primary = [f"**{name}**: {sentence(words)}" for name, words in RULES["primary"].items()]
     choices = [f"**{name.capitalize()}**: {'; '.join(names)}." for name, names in RULES["specifications"].items()]
     ends = [f"**{name}**: {sentence(words)}" for name, words in RULES["stopping"].items()]

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from segar.analysis.report.captions import TEXTS
 from segar.analysis.report.claims.claim import Claim
 from segar.analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
 from segar.analysis.report.document.files import as_block
@@ -25,10 +26,6 @@ from segar.support import counted
 
 # Of the rules, those by which a claim with one test is judged, and the margins of correlations and of means.
 OWN_VERDICTS, OWN_MARGINS = ("effect", "absence", "untestable"), ("correlation", "deviations")
-GIVEN = (
-    "Panels are compared, and are the blocks, unless one of the columns that are given tells all panels apart, as `panel` and "
-    "`cell` do; a number, such as `log_n`, does not."
-)
 
 
 def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Picture | str]) -> Document:
@@ -40,19 +37,21 @@ def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Pictu
     blocks += [Heading("Learning"), drawn["curves"], *what_was_run(study.evidence)]
     if claims:
         head, rules = how_verdicts_are_decided(study.evidence, OWN_VERDICTS, OWN_MARGINS)
-        blocks += [head, Paragraph("A claim **holds** where these rules say supported."), rules, Paragraph(GIVEN)]
+        blocks += [
+            head,
+            Paragraph("A claim **holds** where these rules say supported."),
+            rules,
+            Paragraph(TEXTS["given"]),
+        ]
     return Document(str(study.asked["title"]), f"The study `{study.asked['name']}`", blocks, (TESTED,), WORDS)
 
 
 def opening(study: Study, claims: Sequence[Claim]) -> Iterator[Block]:
     """What there is, what is missing, and the claims in sentences."""
     runs, sets = study.runs, len(set(keys(study.runs, ["panel", "seed"])))
-    panels, kinds = counted(len(study.panels), "panel"), counted(len(study.agents), "kind")
-    yield Paragraph(
-        f"{counted(len(runs), 'run')} in {panels}, on {counted(sets, 'level set')}, with {kinds} of agents. The"
-        " gap is the mean return on test levels less that on training levels; negative means worse on test levels.",
-        "lead",
-    )
+    counts = {"runs": (len(runs), "run"), "panels": (len(study.panels), "panel"), "sets": (sets, "level set")}
+    counts |= {"kinds": (len(study.agents), "kind")}
+    yield Paragraph(TEXTS["opening"].format(**{name: counted(*one) for name, one in counts.items()}), "lead")
     yield from what_is_missing(study.evidence)
     yield from repeated(runs)
     yield Heading("Claims")
@@ -73,28 +72,17 @@ def repeated(runs: pd.DataFrame) -> Iterator[Block]:
     """Warnings of what means mix: agents on one level set, few level sets, several versions of the code."""
     most = max(len(part) for _, part in runs.groupby(["panel", "agent", "n", "seed"], dropna=False))
     if most > 1:
-        yield Paragraph(
-            f"Up to {most} agents of a kind share a level set. Intervals are over level sets: more agents on one set do not "
-            "make them shorter.",
-            "warning",
-        )
+        yield Paragraph(TEXTS["several_agents"].format(most=most), "warning")
     if np.any(column(runs, "seed") != column(runs, LEVEL_SEED)):
         yield Paragraph(SAME_LEVELS, "warning")
     if "levels_shared" in runs:
         yield Paragraph(SHARED_LEVELS.format(column(runs, "levels_shared").max()), "warning")
     if "code" in runs and any(part["code"].nunique() > 1 for _, part in runs.groupby(["panel", "agent"], dropna=False)):
-        yield Paragraph(
-            "Runs of one kind on levels of one panel were made by several versions of the code, which means and claims mix; the"
-            " table of versions below lists them. `stale=anew` trains them again by today's.",
-            "warning",
-        )
+        yield Paragraph(TEXTS["several_versions"], "warning")
     fewest = min(count_of(part, "seed") for _, part in runs.groupby("panel", dropna=False))
     if fewest < FEWEST_BLOCKS:
-        yield Paragraph(
-            f"Some panels have {counted(fewest, 'level set')} of a size: of fewer than {FEWEST_BLOCKS} there are no "
-            "intervals. More `grid.seeds` mend that.",
-            "warning",
-        )
+        sets = counted(fewest, "level set")
+        yield Paragraph(TEXTS["few_sets"].format(sets=sets, fewest=FEWEST_BLOCKS), "warning")
 
 
 def cells(study: Study) -> Table:
