@@ -18,7 +18,7 @@ from segar.analysis.report.claims.planned import planned_of
 from segar.analysis.report.claims.rows import ROWS
 from segar.analysis.report.claims.specifications import specifications, survives
 from segar.analysis.report.claims.statements import STATEMENTS, tested
-from segar.analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS
+from segar.analysis.report.claims.words import BESIDE, NUMBERS
 
 
 def read_claims(evidence: Evidence) -> list[Claim]:
@@ -61,8 +61,7 @@ def with_consequence(claim: Claim, evidence: Evidence) -> Claim:
         return claim.with_words(needs=lacks)
     said = follows.format(**NUMBERS[name](evidence, rows)) if follows and name in NUMBERS else follows
     beside = BESIDE[name](evidence, rows) if name in BESIDE else ""
-    of_tests = OF_TESTS[name](claim) if name in OF_TESTS and claim.findings else ""
-    return claim.with_words(" ".join(filter(None, (said, beside, of_tests))), lacks)
+    return claim.with_words(" ".join(filter(None, (said, beside))), lacks)
 
 
 def findings_of(name: str, evidence: Evidence) -> list[Finding]:

@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 
 from segar.analysis.plotting.names import word_for
-from segar.analysis.report.claims.claim import ALL_RUNS, METRIC_OURS, Claim
 from segar.analysis.report.claims.evidence import Evidence
-from segar.analysis.report.claims.rows import PAPER_AGENT, SAC
+from segar.analysis.report.claims.rows import PAPER_AGENT, SAC, rule_set_runs
 from segar.analysis.report.claims.statements import STATEMENTS, tested
 from segar.analysis.report.claims.verdicts import is_significant
 from segar.analysis.report.number_format import NONE, effect, estimate_text, plain, with_interval
@@ -38,24 +37,13 @@ def agents_that_learned(evidence: Evidence, runs: pd.DataFrame) -> str:
 
 
 def without_one_level(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
-    """What is left of a correlation of the main grid without the runs with one training level."""
+    """What is left of a correlation without the runs with one training level."""
     part = keep(runs, runs["n"] > 1)
     if part.empty or len(part) == len(runs):
         return ""
     found = tested(evidence, part, claim)
-    said = [f"{estimate_text(one.found)} ({one.settings}: {one.verdict})" for one in found]
-    return f"Without the runs with one training level, {' and '.join(said)}."
-
-
-def trend_without_one_level(evidence: Evidence, harder: pd.DataFrame) -> str:
-    """What is left of the trend from medium to hard without the runs with one training level."""
-    found = tested(evidence, keep(harder, harder["n"] > 1), "4a-trend")
-    said = [
-        f"in {one.test.partition(',')[0]}, {estimate_text(one.found)} ({one.verdict})"
-        for one in found
-        if one.settings == METRIC_OURS
-    ]
-    return f"Without the runs with one training level ({METRIC_OURS}): {'; '.join(said)}." if said else ""
+    said = [f"{estimate_text(one.found)} ({one.settings}, {one.test}: {one.verdict})" for one in found]
+    return f"Without the runs with one training level: {'; '.join(said)}." if said else ""
 
 
 def seen_before(evidence: Evidence, runs: pd.DataFrame, claim: str, **where: str) -> str:
@@ -123,9 +111,9 @@ def without_one_rule_set(evidence: Evidence, runs: pd.DataFrame) -> str:
     return f"{said} {success_at_both_ends(evidence, runs)}"
 
 
-def fall_over_all_runs(claim: Claim) -> str:
+def fall_over_all_runs(evidence: Evidence, runs: pd.DataFrame) -> str:
     """Where success falls with more rule sets over all runs, that it does."""
-    (one,) = claim.tests(METRIC_OURS, ALL_RUNS)
+    (one,) = tested(evidence.ungated, rule_set_runs(evidence.ungated), "rule-sets-unseen")
     falls = one.found.estimate < 0 and is_significant(one.found)
     return f"Over all runs, it falls: {estimate_text(one.found)}." if falls else ""
 
@@ -137,7 +125,7 @@ BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
     "3a": partial(without_one_level, claim="3a"),
     "3a-cell": partial(without_one_level, claim="3a-cell"),
     "3a-agent": agents_that_learned,
-    "4a-trend": trend_without_one_level,
+    "4a-trend": partial(without_one_level, claim="4a-trend"),
     **{
         name: partial(at_each_n, claim=name)
         for name in ("matched-w2", "matched-coverage", "states-w2", "states-coverage")
@@ -145,8 +133,5 @@ BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
     "A-sac-easy": partial(seen_before, claim="A-sac-easy", difficulty="easy"),
     "A-sac-hard": partial(seen_before, claim="A-sac-hard", agent=SAC),
     "rule-sets": without_one_rule_set,
-}
-# What is said after that, from the claim's own tests; those of several panels are counted.
-OF_TESTS: Mapping[str, Callable[[Claim], str]] = {
     "rule-sets-unseen": fall_over_all_runs,
 }

@@ -15,7 +15,7 @@ from segar.analysis.report.claims.specifications import specifications, survives
 from segar.analysis.report.claims.statements import METRICS, STATEMENTS, stated
 from segar.analysis.report.claims.tests import TESTS, differences
 from segar.analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
-from segar.analysis.report.claims.words import BESIDE, NUMBERS, OF_TESTS
+from segar.analysis.report.claims.words import BESIDE, NUMBERS
 from segar.analysis.report.document.beyond import CONTRASTS, contrasts
 from segar.analysis.report.document.blocks import FINDING_HEAD, finding_rows
 from segar.analysis.report.number_format import NONE
@@ -252,7 +252,7 @@ def test_a_line_that_holds_in_all_panels_predicts_a_new_one():
 
 def test_every_claim_has_tests_that_can_be_stated_and_rows_and_every_sentence_a_claim(full):
     claims, evidence = STATEMENTS["claims"], STATEMENTS["evidence"]
-    assert {*BESIDE, *NUMBERS, *OF_TESTS} <= set(claims)
+    assert {*BESIDE, *NUMBERS} <= set(claims)
     values = pd.DataFrame({"family": ["empty"], "panel": ["empty-easy"], "auxiliary": ["curl"]})
     for name, words in claims.items():
         if "untested" in words:
