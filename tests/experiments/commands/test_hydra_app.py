@@ -1,6 +1,7 @@
 """Hydra as its users know it: own sweep files, own groups in a folder or a package, own algorithms, and --cfg job."""
 
 import os
+import re
 import subprocess
 import sys
 from typing import Any
@@ -18,7 +19,7 @@ from segar.experiments.commands.hydra_app import (
     to_plain,
 )
 from segar.experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
-from segar.experiments.levels.builders import levels_in
+from segar.experiments.levels.builders import Prepared, levels_in
 from segar.experiments.reproduction.plan import Speeds, sweep_as_text
 from segar.experiments.runs.run_folder import read_config, run_folders
 from segar.experiments.settings import KINDS, WORKSPACE, ConfigError, as_data, run_config
@@ -119,7 +120,9 @@ def test_an_algorithm_of_a_package_is_trained_and_its_run_read_again(my_lab, tmp
     assert "_target_" not in config.identity()["algorithm"]
 
 
-@pytest.mark.parametrize("module", ["train", pytest.param("search", marks=pytest.mark.slow), "reproduce"])
+@pytest.mark.parametrize(
+    "module", ["train", *(pytest.param(x, marks=pytest.mark.slow) for x in ("search", "reproduce"))]
+)
 def test_groups_of_a_package_are_found_by_every_command(my_lab, module):
     done = in_folder(
         f"segar.experiments.{module}",
@@ -214,9 +217,8 @@ def test_a_search_path_is_added_to_the_one_that_is_stated():
     assert added == ["seed=1", "hydra.searchpath=['pkg://a','file:///b c']"]
 
 
-@pytest.mark.parametrize("module", ["segar.experiments.settings", "segar.experiments.commands.hydra_app"])
-def test_settings_are_read_without_torch(module):
-    code = f"import sys, {module}; assert 'torch' not in sys.modules"
+def test_settings_are_read_without_torch():
+    code = "import sys, segar.experiments.commands.hydra_app; assert 'torch' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code], cwd=WORKSPACE).returncode == 0
 
 
@@ -239,10 +241,15 @@ def test_own_objects_are_named_where_groups_are_chosen():
         ("task=os.path:nothing", "task.name: 'os.path' has no 'nothing'"),
     ],
 )
-def test_an_own_object_that_does_not_exist_ends_the_command_before_a_run_begins(tmp_path, override, says):
-    done = run_module("segar.experiments.train", override, f"root={tmp_path / 'runs'}", cwd=tmp_path)
+def test_an_own_object_that_does_not_exist_is_told_by_its_setting(override, says):
+    with pytest.raises(ConfigError, match=f"^{re.escape(says)}"):
+        Prepared(compose([override])).check_names()
+
+
+def test_an_own_object_that_does_not_exist_ends_the_command_before_a_run_begins(tmp_path):
+    done = run_module("segar.experiments.train", "task=os.path:nothing", f"root={tmp_path / 'runs'}", cwd=tmp_path)
     assert done.returncode == 1
-    assert f"error: {says}" in done.stderr
+    assert "error: task.name: 'os.path' has no 'nothing'" in done.stderr
     assert not (tmp_path / "runs").exists()
 
 
