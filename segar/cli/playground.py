@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from segar.cli import arguments
-from segar.cli.results import RESULTS
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Task
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, make_observation
 from segar.playground import WEIGHTS, make_playground, read_policy, read_row_policy
 from segar.suites import suite, suites
-from segar.support import counted, named_or_made
+from segar.support import RESULTS, counted, named_or_made
 
 NUMBER, OF_A_MATCH = 100, 5  # of levels of a set, where none is given
 ROWS = RESULTS / "benchmark"

@@ -15,9 +15,9 @@ from segar.errors import SegarError
 from segar.language import Task
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, trained_on
-from segar.policies import NETWORK_FILE, Network
+from segar.policies import NETWORK_FILE, Network, load
 from segar.suites import Suite, named_observation
-from segar.support import DAMAGE, content_of, first_line, json_in, misfit, need, opened, resolve, shown
+from segar.support import DAMAGE, RESULTS, content_of, first_line, json_in, misfit, need, opened, resolve, shown
 from segar.tasks import make_task, task_of
 
 CONFIG, LEVELS_TRAIN, PROBES = "config.yaml", "levels_train.npz", "probes.parquet"  # files of a run folder
@@ -86,24 +86,22 @@ def read_policy(
 
 
 def read_row_policy(folder: Path, suite: Suite) -> RunPolicy:
-    """The first network of a row of the benchmark that was trained on a suite and is here.
+    """The first network of a row of the benchmark that was trained on a suite and is here, or else its first one, which is
+    fetched where the row is published.
 
     Raises:
-        SegarError: the row has none, or was made with another version of the suite; or its file cannot be read.
+        SegarError: the row has none, or was made with another version of the suite; or its file cannot be read or fetched.
     """
     path = folder / ROW
     row = json_in(path, "description of a row", SegarError, limit=LONGEST)
     if wrong := misfit(row, ROW_FORM):
         raise SegarError(f"{path} is no description of a row: {wrong}; make the row again with segar benchmark")
     pieces = [one for one in row["pieces"] if one["suite"] == suite.name and Path(one["file"]).suffix == ".npz"]
-    here = [one for one in pieces if (folder / Path(one["file"]).name).exists()]
-    if not here:
-        known = sorted({one["suite"] for one in row["pieces"] if (folder / Path(one["file"] or "-").name).exists()})
-        advice = f"segar results fetch benchmark/{folder.name}" if pieces else "take another row"
-        raise SegarError(
-            f"{folder} has no network of {suite.name} here, only of: {', '.join(known) or 'none'}; {advice}"
-        )
-    piece = here[0]
+    if not pieces:
+        known = ", ".join(dict.fromkeys(one["suite"] for one in row["pieces"]))
+        raise SegarError(f"{path} has no network of {suite.name}, and has {known}; take another row")
+    places = [folder / Path(one["file"]).name for one in pieces]
+    place, piece = next((one for one in zip(places, pieces, strict=True) if one[0].exists()), (places[0], pieces[0]))
     if piece["suite_hash"] != suite.hash:
         raise SegarError(
             f"{path}: the network of {suite.name} was trained on another version of the suite; train it again"
@@ -114,7 +112,8 @@ def read_row_policy(folder: Path, suite: Suite) -> RunPolicy:
         name, options = named_observation(suite, side, seen["name"], seen.get("options"))
         made = resolve(name, OBSERVATIONS, "observation", ())(**options)
         observations.append({seen["name"]: trained_on(made, train)})
-    place = folder / Path(piece["file"]).name
+    if not place.exists() and folder.parent == RESULTS / "benchmark":
+        load(folder.name, suite.name, piece["seed"])
     return RunPolicy(Network.load(place), place, observations[0], suite.task, {}, observations[1], piece["seed"])
 
 

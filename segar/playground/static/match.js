@@ -53,7 +53,8 @@ export function matchOf(page) {
     const { set, level } = rounds[k];
     if (page.set === set) page.go(level);
     else page.show(set, level);
-    results.play(set, "agent", level, page.seed).then((one) => {
+    played[k].playing = results.play(set, "agent", level, page.seed);
+    played[k].playing.then((one) => {
       results.episodes[set].agent[level] ??= [one];
       played[k].agent = one;
       if (at === k) way = one.path;
@@ -168,7 +169,9 @@ export function matchOf(page) {
   }
 
   /** Show what was played, and what the test changed. */
-  function finish() {
+  async function finish() {
+    for (const one of played) one.agent = await one.playing;
+    if (at >= rounds.length) return;
     at = rounds.length;
     main.classList.add("over");
     const of = (who, set, what) => mean(rounds.flatMap((one, k) => (one.set === set ? [{ ...one, ...played[k] }] : [])),
