@@ -4,6 +4,7 @@ import dataclasses
 import importlib
 import shutil
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,7 @@ def library(tmp_path, monkeypatch):
     folder = tmp_path / "library" / "segar"
     shutil.copytree(Path(segar.__file__).parent, folder, ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr("segar.__file__", str(folder / "__init__.py"))
+    monkeypatch.setattr(module, "normalised", cache(module.normalised))  # of 150 files, of which few are edited
     module._library.cache_clear()
     yield folder
     module._library.cache_clear()
