@@ -21,6 +21,8 @@ export function matchOf(page) {
   const rounds = page.sets.flatMap((set, k) => set.levelNumbers.slice(0, LEVELS).map((level) => ({ set: k, level })));
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const main = document.getElementById("page");
+  const [name, about] = ["title", "about"].map((id) => document.getElementById(id));
+  const before = [name.textContent, about.textContent];
   const heading = make("h2");
   const says = make("p");
   const next = make("button", { className: "first", onclick: () => proceed() });
@@ -201,6 +203,7 @@ export function matchOf(page) {
     main.classList.remove("match", "over");
     element.remove();
     page.match = null;
+    [name.textContent, about.textContent] = before;
     page.scene.says = (thing) => page.scene.nameOf(thing);
     page.scene.overlays.delete("names");
     page.scene.overlays.add("velocity");
@@ -214,8 +217,8 @@ export function matchOf(page) {
   page.scene.overlays.delete("velocity");
   page.player.speed = SPEED;
   page.scene.says = (thing) => (!thing.agent ? thing.type.goal ? "goal" : thing.type.name : waits() ? "you: drag from here" : "you");
-  document.getElementById("title").textContent = "Beat the agent";
-  document.getElementById("about").textContent = `${page.levels.about.aim} A trained agent, the violet ghost, plays the same level: five levels as in its training, then five of a test.`;
+  name.textContent = "Beat the agent";
+  about.textContent = `${page.levels.about.aim} A trained agent, the violet ghost, plays the same level: five levels as in its training, then five of a test.`;
   return { begin, ended, ghost, key, leave, resume, status, get moves() { return at < rounds.length && waits(); } };
 }
 

@@ -114,6 +114,7 @@ def test_the_whole_playground_is_behind_a_match(chromium: Chromium, match: Path)
     assert not chromium.page.is_visible("#panels")
     chromium.page.get_by_role("button", name="Open the whole playground").click()
     assert chromium.page.is_visible("#panels") and not chromium.page.query_selector("#match")
+    assert chromium.page.inner_text("h1") == chromium.run("return window.playground.about.title")
 
 
 def test_the_page_that_the_readme_names_has_the_program_of_today() -> None:
