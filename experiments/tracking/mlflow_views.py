@@ -7,19 +7,18 @@ address. How such a tag is written is not a promise of MLflow's: this is how the
 import base64
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
+import yaml
+
 TAG = "mlflow.sharedViewState."  # begins the names of these tags
 COLOUR = "mlflow.runColor"  # the tag that says in which colour a run is drawn
-HEIGHT = 440  # [pixels] of a chart
+PAGES: Mapping[str, Any] = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_bytes())
 Chart = Mapping[str, Any]
-
-GAP = "evaluation/gap/deterministic"
-SUCCESS = "evaluation/test/success/deterministic"
-COUNT, PANEL = "levels.count", "levels.train"  # parameters, as the settings are called
 
 
 @dataclass(frozen=True)
@@ -58,36 +57,18 @@ def parallel(parameters: tuple[str, ...], metrics: tuple[str, ...]) -> Chart:
     return {"type": "PARALLEL", **chosen, "showAllRuns": True}
 
 
-# MLflow writes the names of metrics beside the axes; what these are, and their units, stand in the headings.
-THE_GAP = "Gap [return on test less training levels]"
-AGAINST_W2 = (
-    (f"{THE_GAP} against W2 [standard deviations]", (scatter("w2/exact", GAP), scatter("w2/reference", GAP))),
+CHARTS: Mapping[str, Callable[..., Chart]] = {"scatter": scatter, "curve": curve, "parallel": parallel}
+
+
+def view_of(title: str, rows: Sequence[Mapping[str, Any]], figure: str = "") -> View:
+    """A view as the file has it."""
+    charts = [[CHARTS[kind](*of) for one in row["charts"] for kind, of in one.items()] for row in rows]
+    return View(title, tuple((row["heading"], tuple(some)) for row, some in zip(rows, charts, strict=True)), figure)
+
+
+VIEWS, VIEWS_OF_PAPER = (
+    {name: view_of(**one) for name, one in PAGES[part].items()} for part in ("views", "views_of_paper")
 )
-AGAINST_N = (
-    (
-        f"{THE_GAP} and W2 [standard deviations] against the number of levels",
-        (scatter(COUNT, GAP, "PARAM"), scatter(COUNT, "w2/exact", "PARAM")),
-    ),
-    ("A line per run", (parallel((PANEL, COUNT), ("w2/exact", "ks", SUCCESS, GAP)),)),
-)
-LEARNING = (("Return and success of training episodes", (curve("episode/return"), curve("episode/success"))),)
-AGAINST_KNOWLEDGE = (
-    (
-        f"{THE_GAP} against the accuracy of probes, and as in 2022 [share, chance 0.5]",
-        (scatter("probes/accuracy/test", GAP), scatter("probes/accuracy_of_2022/test", GAP)),
-    ),
-)
-VIEWS = {  # of every store
-    "gap-against-w2": View("Gap against W2", AGAINST_W2),
-    "gap-against-n": View("Gap and W2 against the number of levels", AGAINST_N),
-    "learning": View("Learning", LEARNING),
-}
-VIEWS_OF_PAPER = {  # of stores with a reproduction, which says to which figures a run belongs
-    "figure-3a": View("Figure 3a: gap against W2", AGAINST_W2, "3a"),
-    "figure-3b": View("Figure 3b: gap and W2 against the number of levels", AGAINST_N, "3b"),
-    "figure-4b": View("Figure 4b: gap against what the representation knows", AGAINST_KNOWLEDGE, "4b"),
-    "figure-5b": View("Figure 5b: learning", LEARNING, "5b"),
-}
 
 
 def tags_of_views(views: Mapping[str, View] = VIEWS) -> dict[str, str]:
@@ -105,35 +86,16 @@ def packed(view: View) -> str:
     """The value of the tag of a view."""
     state = {
         "searchFilter": view.wanted,
-        "orderByKey": f"params.`{PANEL}`",  # by anything but time: then children are not folded away under their parents
-        "orderByAsc": True,
-        "startTime": "ALL",
-        "lifecycleFilter": "Active",
-        "datasetsFilter": [],
-        "modelVersionFilter": "All Runs",
-        "selectedColumns": [f"tags.`{name}`" for name in ("family", "difficulty", "n", "algorithm", "seed")],
-        "runsHiddenMode": "SHOW_ALL",
+        **PAGES["page"],
         "compareRunCharts": [
-            {"uuid": f"{row}-{place}", "metricSectionId": f"{row}", "deleted": False, "isGenerated": False, **chart}
+            {"uuid": f"{row}-{place}", "metricSectionId": f"{row}", **PAGES["chart"], **chart}
             for row, (_, charts) in enumerate(view.rows)
             for place, chart in enumerate(charts)
         ],
         "compareRunSections": [
-            {
-                "uuid": f"{row}",
-                "name": heading,
-                "display": True,
-                "isReordered": True,
-                "deleted": False,
-                "isGenerated": False,
-                "columns": len(charts),
-                "cardHeight": HEIGHT,
-            }
+            {"uuid": f"{row}", "name": heading, **PAGES["section"], "columns": len(charts)}
             for row, (heading, charts) in enumerate(view.rows)
         ],
-        "isAccordionReordered": True,  # else these come after those that MLflow makes of all metrics
-        "hideEmptyCharts": True,
-        "groupBy": None,
     }
     written = base64.b64encode(zlib.compress(json.dumps(state).encode())).decode()
     return json.dumps({"name": view.title, "createdAt": 0, "updatedAt": 0, "state": f"deflate;{written}"})
