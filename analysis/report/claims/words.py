@@ -56,7 +56,7 @@ def seen_before(evidence: Evidence, runs: pd.DataFrame, claim: str, **where: str
 def at_each_n(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
     """The same at each number of levels by itself, and of the gaps in success and in returns; a gap is negative."""
     of = STATEMENTS["claims"][claim]["tests"][0]["of"]
-    parts = [(f"{n} levels", select(runs, n=n), {}) for n in sorted({*runs["n"]})]
+    parts = [(f"n = {n}", select(runs, n=n), {}) for n in sorted({*runs["n"]})]
     parts += [(words, runs, {"of": name, "margin": ""}) for name, words in SECOND.items() if name != of]
     said = [
         f"{words} {estimate_text(one.found, '')}"
@@ -128,7 +128,7 @@ BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
     "4a-trend": partial(without_one_level, claim="4a-trend"),
     **{
         name: partial(at_each_n, claim=name)
-        for name in ("matched-w2", "matched-coverage", "states-w2", "states-coverage")
+        for name in ("4b-factors", "matched-w2", "matched-coverage", "states-w2", "states-coverage")
     },
     "A-sac-easy": partial(seen_before, claim="A-sac-easy", difficulty="easy"),
     "A-sac-hard": partial(seen_before, claim="A-sac-hard", agent=SAC),
