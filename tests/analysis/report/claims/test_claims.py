@@ -126,7 +126,7 @@ def test_matched_sets_tell_which_of_two_measures_matters(tmp_path):
     found = {claim.name: claim for claim in read_claims(evidence)}
     assert found["matched-coverage"].verdict(METRIC_OURS) == SUPPORTED
     assert found["matched-w2"].verdict(METRIC_OURS) == NOT_SUPPORTED
-    assert "In other ways, which decide nothing: 10 levels" in found["matched-coverage"].follows
+    assert "In other ways, which decide nothing: n = 10" in found["matched-coverage"].follows
     kind, effect = (CONTRASTS.index(name) for name in ("gap in success", "difference"))
     for row in contrasts(evidence, evidence.results.of("matched_sets")).rows:
         planted = -0.2 if "coverage" in row[kind] else 0.0
