@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from segar.engine.targets.entry import Entry
-from segar.engine.targets.native import native_object
+from segar.engine.targets.native import AARCH64, native_object
 from segar.engine.targets.numba_ir import intermediate_code
 from segar.engine.targets.ptx import ptx_module
 from segar.engine.targets.wasm import STACK, wasm_module
 from segar.errors import SegarError, must_be
 from segar.support import ADVICE, private_cache_folder, replacing
 
-SUFFIXES = {"native": ".o", "wasm": ".wasm", "ptx": ".ptx"}  # of the files that a target has
+SUFFIXES = {"native": ".o", "aarch64": ".o", "wasm": ".wasm", "ptx": ".ptx"}  # of the files that a target has
 TARGETS = tuple(SUFFIXES)
 COMPILED = ("engine", "envs", "language", "observations", "policies", "support", "textures")
 """The rooms whose functions and constants compiled code has; what rules and tasks say stands in its text."""
@@ -44,7 +44,7 @@ def build_kernel(entries: Sequence[Entry], target: str, about: Mapping[str, Any]
     """The module of a target that exports these entries; the first time of a world takes some ten seconds.
 
     Args:
-        target: "native" (an object file), "wasm", "ptx" (text for NVIDIA GPUs).
+        target: "native" (an object file), "aarch64" (one for Linux on 64-bit ARM), "wasm", "ptx" (text for NVIDIA GPUs).
         about: what the description says beside the exports; plain data.
 
     Raises:
@@ -63,7 +63,7 @@ def _code(entries: tuple[Entry, ...], target: str, description: str) -> bytes:
         return wasm_module(entries, found, described, STACK + max(one.scratch for one in entries))
     if target == "ptx":
         return ptx_module(entries, found, described).encode()
-    return native_object(entries, found)
+    return native_object(entries, found, AARCH64 if target == "aarch64" else "")
 
 
 def kept_intermediate_code(entries: Sequence[Entry]) -> list[dict[str, Any]]:

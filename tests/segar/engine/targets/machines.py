@@ -4,7 +4,11 @@ A machine holds the arrays of a kernel's calls in memory of its own and gives th
 """
 
 import ctypes
+import os
+import subprocess
+import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -13,6 +17,37 @@ import numpy as np
 from segar.engine import Entry, TargetKernel
 
 ALIGNED = 16  # [bytes]
+RUNNER = """
+#include <fcntl.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#define EIGHT(n) a[n], a[n + 1], a[n + 2], a[n + 3], a[n + 4], a[n + 5], a[n + 6], a[n + 7]
+#define WORD uint64_t
+#define WORDS WORD, WORD, WORD, WORD, WORD, WORD, WORD, WORD
+
+static void (*functions[])(void) = {FUNCTIONS};
+
+/* Each line of the input is a call: which function, how many arguments, and the arguments. */
+int main(int count, char **given) {
+    uint64_t base = strtoull(given[2], 0, 10), size = strtoull(given[3], 0, 10);
+    void *at = mmap((void *)base, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_FIXED, open(given[1], O_RDWR), 0);
+    if (count != 4 || at != (void *)base) return 1;
+    uint64_t which, n, a[64];
+    while (scanf("%lu %lu", &which, &n) == 2) {
+        if (n > 64) return 2;
+        for (uint64_t k = 0; k < n; k++)
+            if (scanf("%lu", &a[k]) != 1) return 3;
+        /* A function leaves arguments alone that it does not take. */
+        ((void (*)(WORDS, WORDS, WORDS, WORDS, WORDS, WORDS, WORDS, WORDS))functions[which])(
+            EIGHT(0), EIGHT(8), EIGHT(16), EIGHT(24), EIGHT(32), EIGHT(40), EIGHT(48), EIGHT(56));
+        puts("done");
+        fflush(stdout);
+    }
+    return 0;
+}
+"""
 
 
 class Machine:
@@ -135,4 +170,47 @@ class NativeMachine(Machine):
         function(*(int(a) for a in arguments))
 
 
-MACHINES: dict[str, type[Machine]] = {"wasm": WasmMachine, "native": NativeMachine}
+class Aarch64Machine(Machine):
+    """Plays an object file for 64-bit ARM in an emulated process, with which it shares a file as memory."""
+
+    tools = ("aarch64-linux-gnu-gcc", "qemu-aarch64-static")
+    base, size = 1 << 33, 1 << 28  # of the memory [bytes]
+
+    def __init__(self, kernel: TargetKernel) -> None:
+        super().__init__()
+        self.folder = tempfile.TemporaryDirectory()
+        place, compiler, emulator = Path(self.folder.name), *self.tools
+        (place / "kernel.o").write_bytes(kernel.code)
+        self.names = [one["name"] for one in kernel.description["exports"]]
+        declared = "".join(f"extern void {name}(void);\n" for name in self.names)
+        (place / "runner.c").write_text(f"{declared}#define FUNCTIONS {', '.join(self.names)}\n{RUNNER}")
+        build = [compiler, "-O1", "-static", "-o", "runner", "runner.c", "kernel.o"]
+        subprocess.run(build, cwd=place, check=True)
+        (place / "memory").touch()
+        os.truncate(place / "memory", self.size)
+        self.memory = np.memmap(place / "memory", np.uint8, "r+")
+        self.next = self.base
+        command = [emulator, str(place / "runner"), str(place / "memory"), str(self.base), str(self.size)]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def __del__(self) -> None:
+        self.process.communicate()
+        self.folder.cleanup()
+
+    def allocate(self, size: int) -> int:
+        at, self.next = self.next, self.next + -(-size // ALIGNED) * ALIGNED
+        assert self.next <= self.base + self.size, "give the machine more memory"
+        return at
+
+    def view(self, address: int, array: np.ndarray) -> np.ndarray:
+        at = address - self.base
+        return self.memory[at : at + array.nbytes].view(array.dtype).reshape(array.shape)
+
+    def run(self, name: str, arguments: list[Any]) -> None:
+        unsigned = [int(a) % (1 << 64) for a in arguments]
+        assert self.process.stdin is not None and self.process.stdout is not None
+        print(self.names.index(name), len(unsigned), *unsigned, file=self.process.stdin, flush=True)
+        assert self.process.stdout.readline() == "done\n", f"{name} ended with {self.process.wait()}"
+
+
+MACHINES: dict[str, type[Machine]] = {"wasm": WasmMachine, "native": NativeMachine, "aarch64": Aarch64Machine}

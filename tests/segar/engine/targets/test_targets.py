@@ -1,6 +1,8 @@
 """Kernels for other targets: the same bits as natively, in a WebAssembly runtime and as object files that a linker loads."""
 
+import os
 import re
+import shutil
 from collections.abc import Iterator
 from typing import Any
 
@@ -21,12 +23,13 @@ from segar.observations import OneOf, Pixels, PreviousActions, PreviousStep, Sta
 from tests.places import ROOT
 from tests.segar.engine.random_rules import Author, mixed_levels
 from tests.segar.engine.targets.functions import doubled, foreign
-from tests.segar.engine.targets.machines import MACHINES, WasmMachine
+from tests.segar.engine.targets.machines import MACHINES, Aarch64Machine, WasmMachine
 from tests.segar.engine.targets.twin import Twin
 from tests.segar.engine.worlds import random_states
 
 LARGEST = {"rgb": 40_000, "textures": 60_000}  # bytes of a built-in world with its frames
 ENDS = 0.05  # of the environments that start anew in a step
+QUICK = sorted({*MACHINES} - {"aarch64"})  # the emulated processor plays in tests of its own
 SEED = 2**63 + 5  # of which every bit counts
 
 
@@ -69,6 +72,18 @@ def test_every_named_world_plays_to_the_bit_in_wasm_and_is_small(name, observati
     assert (twin.machine.imports, len(twin.kernel.code) < LARGEST[observation]) == ([], True)
 
 
+@pytest.mark.slow  # `make test-aarch64` runs these alone, and lacks nothing
+@pytest.mark.skipif(
+    os.environ.get("SEGAR_AARCH64") != "required" and not all(map(shutil.which, Aarch64Machine.tools)),
+    reason=f"needs {' and '.join(Aarch64Machine.tools)}",
+)
+@pytest.mark.parametrize(
+    "name", ["empty-hard", "objectsx3-hard", "tilesx3-hard", "hazardtilesx3-hard", "billiards", "invisiball"]
+)
+def test_a_world_plays_to_the_bit_on_aarch64(name):
+    play(environment(name, "rgb"), "aarch64", 200, np.random.default_rng(4))
+
+
 PAST: dict[str, Any] = {
     "rgb_stack2": "rgb_stack2",
     "textures_stack4": "textures_stack4",
@@ -96,7 +111,7 @@ def test_what_observations_show_of_the_past_agrees(target, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", sorted(MACHINES))
+@pytest.mark.parametrize("target", QUICK)
 def test_trials_agree(target):
     env = environment("objectsx3-hard", "state", trials=3)
     play(env, target, 60, np.random.default_rng(3))
@@ -185,12 +200,12 @@ def agree_on_random_rules(target: str, count: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", sorted(MACHINES))
+@pytest.mark.parametrize("target", QUICK)
 def test_worlds_of_random_rules_agree(target):
     agree_on_random_rules(target, 20)
 
 
-@pytest.mark.parametrize("target", sorted(MACHINES))
+@pytest.mark.parametrize("target", QUICK)
 def test_a_call_of_one_s_own_function(target):
     call = call_of("doubled", doubled, [np.arange(5.0), Rows(), Scratch(float, 5), Given("float64", ("rows",))], {})
     kernel = build_kernel([call.entry], target, {"mine": "yes"})
