@@ -6,6 +6,7 @@
 #   make test-oldest              the core with the oldest versions that pyproject.toml allows; make test-newest: the newest
 #   make test-processors          the tests that may differ between processors, as on three kinds of them
 #   make test-browser             the tests of pages in Chromium and Firefox; a browser that is missing is an error
+#   make test-aarch64             six worlds on an emulated 64-bit ARM processor, to the bit
 #   make mutants                  how many of 150 small changes of the sources the tests notice, in build/mutants.csv; hours
 #   make reproduce-paper          the paper's experiments: runs, tables, report; SCALE=smoke|quick|standard|paper,
 #                                 ARGS="experiments=[figure_4a] dry_run=true seed=1 ..."
@@ -45,7 +46,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-docs check-results test-processors test-oldest test-newest test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site dist verify-rows clean
+.PHONY: help setup test test-docs check-results test-processors test-oldest test-newest test-slow test-browser test-aarch64 mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site dist verify-rows clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -99,6 +100,10 @@ test-browser: $(STAMP)
 # In virtual environments of their own.
 test-oldest test-newest:
 	.ci/packages $(@:test-%=%) $(PYTHON) $(ARGS)
+
+# Needs Debian's qemu-user-static, gcc-aarch64-linux-gnu and libc6-dev-arm64-cross.
+test-aarch64: $(STAMP)
+	SEGAR_AARCH64=required $(PY) -m pytest -q -m slow tests/segar/engine/targets/test_targets.py -k aarch64 $(ARGS)
 
 mutants: $(STAMP)
 	$(PY) -m tests.mutants run $(ARGS)

@@ -5,6 +5,7 @@ of the runs with the same ``tracking.sweep``.
 """
 
 import sys
+from collections.abc import Sequence
 
 from segar.experiments.commands.hydra_app import run_command
 from segar.experiments.results import ResultsConfig, results
@@ -21,7 +22,7 @@ def main() -> None:
         sys.argv.append("--multirun")
     made: list[RunConfig] = []  # some of them, if the command ran a sweep
 
-    def note(runs: list[RunConfig], number: int) -> None:
+    def note(runs: Sequence[RunConfig], number: int) -> None:
         announce(runs, number)
         made.extend(runs)
 

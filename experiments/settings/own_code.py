@@ -116,7 +116,7 @@ def class_named(target: str, base: type[T], place: str) -> type[T]:
     return cls
 
 
-def class_behind(config: Any, setting: str, protocol: type[T], place: str) -> type[T]:
+def class_behind(config: Any, setting: str, protocol: type, place: str) -> Any:
     """The class that carries settings out, which their class variable ``setting`` names; raises :class:`ConfigError` that lists
     the methods of ``protocol`` which it lacks."""
     name, noun = getattr(config, setting, None), protocol.__name__.lower()

@@ -67,8 +67,9 @@ def add_level_sets(parser: argparse.ArgumentParser) -> None:
 def playground(chosen: argparse.Namespace) -> None:
     """``segar playground``."""
     start = time.perf_counter()
-    is_match = chosen.policy is not None and chosen.what in suites() and chosen.test is None
-    row = row_folder(chosen.policy) if is_match else None
+    policy: str | None = chosen.policy
+    is_match = policy is not None and chosen.what in suites() and chosen.test is None
+    row = row_folder(policy) if policy is not None and is_match else None
     player = None
     if is_match:
         chosen.number, chosen.plans = chosen.number or OF_A_MATCH, True

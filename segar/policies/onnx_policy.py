@@ -78,7 +78,7 @@ class OnnxPolicy:
             self._memory = found[1]
         return found[0]
 
-    def _run(self, given: list[np.ndarray]) -> list[Any]:
+    def _run(self, given: list[np.ndarray]) -> Any:
         try:
             return self._session.run(None, dict(zip(self._names, given, strict=True)))
         except Exception as error:  # as above

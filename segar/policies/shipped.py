@@ -10,7 +10,7 @@ from segar.support import RESULTS, fetch_published, read_manifest
 ROWS = "benchmark"
 
 
-def load(row: str, suite: str, seed: int = 1, *, sampled: bool = False, results: Path = RESULTS) -> NetworkPolicy:
+def load(row: str, suite: str, seed: int = 1, *, sampled: bool = False, results: Path | None = None) -> NetworkPolicy:
     """The policy that a row of the benchmark has for a suite, which acts without torch.
 
     >>> agent = segar.policies.load("ppo_fast-state-laptop", "place-few-v1")
@@ -22,12 +22,12 @@ def load(row: str, suite: str, seed: int = 1, *, sampled: bool = False, results:
         seed: of the training. The clone has seed 1 of some suites; others are fetched from the address in
             ``SEGAR_RESULTS_URL``, checked, and kept in ``results``.
         sampled: as in :class:`NetworkPolicy`.
-        results: a folder like ``docs/results``, with its manifest.
+        results: a folder with a manifest; None means ``docs/results`` of the clone.
 
     Raises:
         SegarError: no such policy is published, or it is not here and cannot be fetched.
     """
-    name = f"{ROWS}/{row}/{suite}-s{seed}.npz"
+    name, results = f"{ROWS}/{row}/{suite}-s{seed}.npz", results or RESULTS
     here = {path.relative_to(results).as_posix() for path in (results / ROWS).glob("*/*-s*.npz")}
     published = {one.path: one for one in read_manifest(results)}
     if name not in here:
