@@ -103,9 +103,11 @@ def replicated_probes(evidence: Evidence) -> pd.DataFrame:
     of_mean = ((column(asked, "high") - column(asked, "low")) / 2 / stats.t.ppf(0.975, number - 1)) ** 2
     asked = pick(asked, ["run", "probe"]).assign(within=number * of_mean, of_mean=of_mean)
     found = found.merge(asked, on=["run", "probe"])
-    of_means = found.groupby(["probe", "cell"])["accuracy_test"].transform("var")
+    of_means = found.groupby(["probe", "cell"], dropna=False)["accuracy_test"].transform("var")
     found = found.assign(of_one=of_means - found["of_mean"] + found["within"])
-    return found.assign(replicate_part=found["within"] / found.groupby(["probe", "family"])["of_one"].transform("mean"))
+    return found.assign(
+        replicate_part=found["within"] / found.groupby(["probe", "family"], dropna=False)["of_one"].transform("mean")
+    )
 
 
 def matched_states(evidence: Evidence) -> pd.DataFrame:

@@ -263,7 +263,7 @@ def how_often_rules_err(folder: Path) -> list[Block]:
         return []
     rows = [
         [f"{claim}", f"{claimed}", f"{runs}", *(f"{share:.3f}" for share in column(part, verdicts.SUPPORTED))]
-        for (claim, claimed, runs), part in table.groupby(["claim", "claimed", "runs"], sort=False)  # type: ignore[misc]
+        for (claim, claimed, runs), part in table.groupby(["claim", "claimed", "runs"], sort=False, dropna=False)  # type: ignore[misc]
     ]
     kinds = [f"{planted}, {noise} noise" for planted, noise in table[["planted", "noise"]].drop_duplicates().to_numpy()]
     return [Heading("How often the rules err"), Table(("", "claims", "rows", *kinds), rows, 2, TABLES["error_rates"])]

@@ -18,6 +18,7 @@ from segar.analysis.report.claims.scores import (
 from segar.analysis.report.document.beyond import compared
 from segar.analysis.report.document.blocks import Bullets, Table
 from segar.analysis.report.figures.agents import THRESHOLDS, performance_profiles
+from segar.analysis.report.figures.drawing import NoFigure
 from segar.analysis.report.results import read_results
 from tests.synthetic_results import player_rows, run_rows, write_players, write_results
 
@@ -99,7 +100,8 @@ def test_two_seeds_have_no_interval_and_no_profile(tmp_path):
     table = comparison(results)
     assert set(table["experiment"]) == {"appendix_sac"} and set(table["note"]) == {"2 seeds: no interval"}
     assert table[["low", "high", "p"]].isna().all(axis=None) and np.isfinite(table["estimate"]).all()
-    assert performance_profiles(Evidence(results)).startswith("no experiment has scores")
+    with pytest.raises(NoFigure, match="no experiment has scores"):
+        performance_profiles(Evidence(results))
 
 
 @pytest.mark.parametrize(
