@@ -26,10 +26,7 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
 FILE = re.compile(r"# my_lab/(\w+)\.py\n")
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(#[^)\s]+)?\)")
 NAMES = re.compile(r"^\| `([\w.]+)` \| [^|]* \| (`[^|]*`) \|$", re.M)  # a row of docs/reference/api.md
-TRAINING = (
-    "segar.experiments.train",
-    "segar.experiments.study wind.yaml root",
-)  # a bash block with one of them takes minutes
+TRAINING = ("segar train", "segar study wind.yaml root")  # a bash block with one of them takes minutes
 
 # One process runs all blocks of a page in order; a program is imported once, whichever program imports it first.
 RUN = """

@@ -2,18 +2,18 @@
 
 import doctest
 import importlib
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import segar
+from tests.places import ROOT, sources
 
 pytestmark = pytest.mark.docs
 
-ROOT = Path(segar.__file__).parent.parent
-FILES = sorted(path for room in ("segar", "experiments", "analysis") for path in (ROOT / room).rglob("*.py"))
-MODULES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES if ">>> " in path.read_text()]
+FILES = [path for room in ("segar", "experiments", "analysis") for path in sources(room)]
+NAMES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES if ">>> " in path.read_text()]
+MODULES = [name if name.startswith("segar.") else f"segar.{name}" for name in NAMES]
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.places import ROOT
+from tests.places import ROOT, sources
 
 PACKAGES = ("segar", "experiments", "analysis")
 
@@ -138,7 +138,7 @@ def modules_loaded_by(code: str) -> set[str]:
 
 
 def sources_of(package: str) -> list[Path]:
-    return sorted((ROOT / package).rglob("*.py"))
+    return sources(package)
 
 
 def imports_of(package: str) -> Iterator[tuple[str, str]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.places import ROOT
+from tests.places import ROOT, sources
 
 # From the bottom to the top: a room imports only from rooms that stand before it. The commands of experiments are files.
 ORDER = [
@@ -124,7 +124,7 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-MODULES = {module_name(path): path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))}
+MODULES = {module_name(path): path for package in PACKAGES for path in sources(package)}
 
 
 def room_of(module: str) -> str:

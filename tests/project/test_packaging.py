@@ -13,10 +13,7 @@ import pytest
 import yaml
 
 import segar
-from tests.places import ROOT
-
-LINKED = ("experiments", "analysis", "conf")
-
+from tests.places import LINKED, ROOT
 
 SHIPPED = (".py", ".pyi", ".yaml", ".html", ".jinja", ".mplstyle", ".ll")
 
@@ -45,10 +42,12 @@ def test_the_wheel_ships_every_module_and_every_configuration(wheel):
     assert {name if name.startswith("segar/") else f"segar/{name}" for name in names} <= set(wheel.namelist())
 
 
-def test_links_lead_to_the_folders_at_the_top():
-    assert {path.name: path.resolve() for path in (ROOT / "segar").iterdir() if path.is_symlink()} == {
-        name: ROOT / name for name in LINKED
-    }
+@pytest.mark.parametrize("name", LINKED)
+def test_links_lead_to_the_folders_at_the_top_and_archives_have_copies(name):
+    here, there = ROOT / "segar" / name, ROOT / name
+    is_archive = (ROOT / "PKG-INFO").exists()
+    assert here.is_symlink() != is_archive and here.resolve() == (here if is_archive else there)
+    assert {p.relative_to(here) for p in here.glob("*.*")} == {p.relative_to(there) for p in there.glob("*.*")}
 
 
 def test_the_entry_point_of_the_wheel_names_a_function(wheel):

@@ -16,7 +16,7 @@ from typing import Any, get_origin
 import pytest
 
 import segar
-from tests.places import ROOT
+from tests.places import ROOT, sources
 
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
 ROOMS = (
@@ -81,7 +81,7 @@ def test_names_and_signatures_are_those_that_were_promised():
     assert snapshot() == SNAPSHOT.read_text(), "write the file anew if the change is meant: see the top of this file"
 
 
-STUBS = sorted((ROOT / "segar").rglob("__init__.pyi"))
+STUBS = sources("segar", "__init__.pyi")
 CODE = re.compile(r"^```\w+\n(.*?)^```|`([^`\n]+)`", re.M | re.S)  # blocks and words in running text
 
 
@@ -100,7 +100,7 @@ def test_every_public_name_has_an_example_or_a_page_that_uses_it():
     pages += (ROOT / "docs" / "reference").glob("*.md")
     code = [part for page in pages for part in itertools.chain(*CODE.findall(page.read_text()))]
     code += [path.read_text() for path in (ROOT / "examples").glob("*.py")]
-    code += [line for path in (ROOT / "segar").rglob("*.py") for line in re.findall(r">>> .*", path.read_text())]
+    code += [line for path in sources("segar") for line in re.findall(r">>> .*", path.read_text())]
     assert not public_names() - {*re.findall(r"\w+", "\n".join(code))}
 
 
