@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from segar.analysis.benchmark.causes import EFFECT, effects_on
 from segar.analysis.benchmark.scores import (
@@ -21,6 +20,7 @@ from segar.analysis.benchmark.scores import (
     learners_on,
     places_of,
 )
+from segar.analysis.report.document.html import templates
 from segar.analysis.stats.ranking import FEWEST_SEEDS, MOST_SUITES, Generalizability, coverage, generalizability
 from segar.analysis.tables import mean_by, select
 from segar.experiments.benchmarking.drawn import LEVELS
@@ -59,13 +59,7 @@ def page_text(
     learners = learners_on(table, suites[OVERALL])
     repeated = generalizability(learners, DRAWN, "row", "suite", "seed")
     members = [name for axis, names in suites.items() if axis != OVERALL for name in names]
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    environment = templates(Path(__file__).parent, keep_trailing_newline=True)
     environment.filters["interval"] = lambda one: interval(vars(one))
     limits = {"trusted": TRUSTED_COEFFICIENT, "fewest_seeds": FEWEST_SEEDS}
     return environment.get_template("leaderboard.md.jinja").render(

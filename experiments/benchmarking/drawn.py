@@ -132,7 +132,7 @@ def _acting(
         yield RecordedActions(given.plan.actions) if method.name == "planner" else players[method.name](), options
         return
     options = options_of(of, method, train, "test")
-    if method.kind in ("networks", "onnx"):
+    if method.kind != "actions":
         policy, options["unit_actions"] = policy_in(file)
         yield policy, options
         return

@@ -52,7 +52,7 @@ def settings_of_file(
         packages = ",".join(sorted({EVERYTHING if name.is_in_file else name.package for name in outside.values()}))
         raise RunFolderError(
             f"{path} was not written by you on this machine, and names code that would be imported: {names}. If you trust"
-            f" it, set {TRUSTED}={packages} (segar evaluate, segar.experiments.benchmark: trust=true)"
+            f" it, set {TRUSTED}={packages} (segar evaluate, segar benchmark: trust=true)"
         )
     return {key: value for key, value in settings.items() if key != MODULE_PATH}
 

@@ -96,7 +96,7 @@ class PPOConfig(AlgorithmConfig):
     critic_coef: NotNegative = 0.1  # of half the squared error
     max_grad_norm: Positive = 10.0
     reward_transform: RewardTransform = (
-        "none"  # what the learner sees of rewards: see segar.experiments.collection.rewards
+        "none"  # what the learner sees of rewards: see experiments/collection/rewards.py
     )
     reward_scale: Positive = 1.0  # times this
     reward_normalise: bool = False  # and divided by the standard deviation of discounted returns so far

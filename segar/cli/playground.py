@@ -13,10 +13,9 @@ from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, make_observation
 from segar.playground import WEIGHTS, make_playground, read_policy, read_row_policy
 from segar.suites import suite, suites
-from segar.support import RESULTS, counted, named_or_made
+from segar.support import ROWS, counted, named_or_made
 
 NUMBER, OF_A_MATCH = 100, 5  # of levels of a set, where none is given
-ROWS = RESULTS / "benchmark"
 
 
 def add_commands(commands: Any) -> None:

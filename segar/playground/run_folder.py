@@ -17,7 +17,7 @@ from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, trained_on
 from segar.policies import NETWORK_FILE, Network, load
 from segar.suites import Suite, named_observation
-from segar.support import DAMAGE, RESULTS, content_of, first_line, json_in, misfit, need, opened, resolve, shown
+from segar.support import DAMAGE, ROWS, content_of, first_line, json_in, misfit, need, opened, resolve, shown
 from segar.tasks import make_task, task_of
 
 CONFIG, LEVELS_TRAIN, PROBES = "config.yaml", "levels_train.npz", "probes.parquet"  # files of a run folder
@@ -112,9 +112,11 @@ def read_row_policy(folder: Path, suite: Suite) -> RunPolicy:
         name, options = named_observation(suite, side, seen["name"], seen.get("options"))
         made = resolve(name, OBSERVATIONS, "observation", ())(**options)
         observations.append({seen["name"]: trained_on(made, train)})
-    if not place.exists() and folder.parent == RESULTS / "benchmark":
-        load(folder.name, suite.name, piece["seed"])
-    return RunPolicy(Network.load(place), place, observations[0], suite.task, {}, observations[1], piece["seed"])
+    if not place.exists() and folder.parent == ROWS:
+        network = load(folder.name, suite.name, piece["seed"]).network
+    else:
+        network = Network.load(place)
+    return RunPolicy(network, place, observations[0], suite.task, {}, observations[1], piece["seed"])
 
 
 def _network_of(path: Path) -> tuple[Path, Path]:

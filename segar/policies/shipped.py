@@ -5,9 +5,7 @@ from pathlib import Path
 from segar.errors import SegarError, did_you_mean
 from segar.policies.network import Network
 from segar.policies.network_policy import NetworkPolicy
-from segar.support import RESULTS, fetch_published, read_manifest
-
-ROWS = "benchmark"
+from segar.support import RESULTS, ROWS, fetch_published, read_manifest
 
 
 def load(row: str, suite: str, seed: int = 1, *, sampled: bool = False, results: Path | None = None) -> NetworkPolicy:
@@ -27,12 +25,12 @@ def load(row: str, suite: str, seed: int = 1, *, sampled: bool = False, results:
     Raises:
         SegarError: no such policy is published, or it is not here and cannot be fetched.
     """
-    name, results = f"{ROWS}/{row}/{suite}-s{seed}.npz", results or RESULTS
-    here = {path.relative_to(results).as_posix() for path in (results / ROWS).glob("*/*-s*.npz")}
+    name, results = f"{ROWS.name}/{row}/{suite}-s{seed}.npz", results or RESULTS
+    here = {path.relative_to(results).as_posix() for path in (results / ROWS.name).glob("*/*-s*.npz")}
     published = {one.path: one for one in read_manifest(results)}
     if name not in here:
         if name not in published:
-            known = [one for one in {*here, *published} if one.startswith(f"{ROWS}/") and one.endswith(".npz")]
+            known = [one for one in {*here, *published} if one.startswith(f"{ROWS.name}/") and one.endswith(".npz")]
             raise SegarError(f"no policy is published as {name} in {results}.{did_you_mean(name, known)}")
         fetch_published(published[name], results)
     return NetworkPolicy(Network.load(results / name), sampled=sampled)

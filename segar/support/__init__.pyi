@@ -73,6 +73,7 @@ from .published import (
     COLUMNS as COLUMNS,
     MANIFEST as MANIFEST,
     RESULTS as RESULTS,
+    ROWS as ROWS,
     Published as Published,
     fetch_published as fetch_published,
     read_manifest as read_manifest,

@@ -17,6 +17,7 @@ from segar.support.reading import sha256_of
 
 ADDRESS = "SEGAR_RESULTS_URL"
 RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results"  # of a checkout
+ROWS = RESULTS / "benchmark"  # of the leaderboard
 MANIFEST = "manifest.csv"
 COLUMNS = ("path", "bytes", "sha256", "made_by")
 
