@@ -26,9 +26,10 @@ def lab(repeats: int) -> Iterator[Row]:
     actions = rng.uniform(-1, 1, (EXPERIMENTS, STEPS, 2))
     for noise in (0.0, made.noise):
         session = Session(replace(made, noise=noise))
-        seconds = timed(partial(session.experiment, set=start, actions=actions), repeats, time.process_time)
+        seconds = timed(partial(session.experiment, set=start, actions=actions), repeats, time.perf_counter)
         speeds = [EXPERIMENTS * STEPS / each / 1e6 for each in seconds]
-        yield Row(f"{EXPERIMENTS} experiments of {STEPS} steps, noise {noise:g}", speeds, "M/s", at_least=1.0)
+        label = f"{EXPERIMENTS} x {STEPS} steps, noise {noise:g}, all cores"
+        yield Row(label, speeds, "million steps/s", at_least=1.0)
     grader, laws = Grader(made), laws_of(made.space, made.space.sample(lambda *_: rng, LAWS))
     yield Row(
         f"grades of {LAWS} laws", timed(lambda: grader.grades(laws), repeats, time.process_time), "s", at_most=10.0

@@ -2,6 +2,7 @@
 
 import inspect
 import linecache
+import os
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -129,21 +130,18 @@ class Lab:
                     found[f"{kind.name}.{factor.__name__}{axis}"] = at
         return found
 
-    def observed(self, states: np.ndarray, number: int) -> np.ndarray:
-        """States as they are seen, with the noise of the experiment of that number: it is added to ``states`` themselves.
-
-        Args:
-            states: float64 ``(..., seen)``.
-        """
-        if not self.noise:
-            return states
+    def noise_of(self, shape: tuple[int, ...], number: int) -> np.ndarray:
+        """The noise of the experiment of that number, float32 ``(..., seen)``."""
         flags = {f.__name__ for f in self.hidden.layout.columns if issubclass(f, Flag)}
         scale = np.array([0.0 if name.split(".")[1] in flags else self.noise for name in self.places], np.float32)
         rng = np.random.Generator(np.random.SFC64((self.seed, self.world, number)))  # faster than the default one
-        noise = rng.standard_normal(states.shape, np.float32)
-        noise *= scale  # both in place, because new arrays take longer than the sums
-        states += noise
-        return states
+        noise = rng.standard_normal(shape, np.float32)
+        noise *= scale  # in place, because a new array takes longer than the products
+        return noise
+
+    def observed(self, states: np.ndarray, number: int) -> np.ndarray:
+        """States, float64 ``(..., seen)``, as they are seen, with the noise of the experiment of that number."""
+        return states + self.noise_of(states.shape, number) if self.noise else states
 
     def in_world(self, rules: Any) -> Levels:
         """A level in a world of other rules, with the world parameters that the hidden world has, too."""
@@ -160,7 +158,8 @@ class Lab:
     def player(self, laws: Levels) -> Simulator:
         """What plays levels under the rules of these levels."""
         if laws.world not in self._simulators:
-            self._simulators[laws.world] = Simulator(world_of(laws), laws.layout, self.task)
+            cores = len(os.sched_getaffinity(0))
+            self._simulators[laws.world] = Simulator(world_of(laws), laws.layout, self.task, cores)
         return self._simulators[laws.world]
 
     @cached_property
