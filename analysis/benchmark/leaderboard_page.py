@@ -20,13 +20,13 @@ from segar.analysis.benchmark.scores import (
     learners_on,
     places_of,
 )
-from segar.analysis.report.document.html import templates
 from segar.analysis.stats.ranking import FEWEST_SEEDS, MOST_SUITES, Generalizability, coverage, generalizability
 from segar.analysis.tables import mean_by, select
 from segar.experiments.benchmarking.drawn import LEVELS
 from segar.experiments.benchmarking.protocol import BUDGETS, REFERENCES
 from segar.experiments.benchmarking.row import Row, commitment_of_row
 from segar.suites import RANDOM_PLAYS
+from segar.support import templates
 
 SEEDS = (3, 5, 10)  # numbers of seeds of which the page says what they can tell
 TRUSTED_COEFFICIENT = 0.8  # from which on a ranking is one

@@ -22,12 +22,11 @@ from playgrounds import BUILD, PLAYGROUNDS, frame
 
 import segar
 from segar.cli import main as run_segar
-from segar.cli.figures import together
 from segar.evaluation import Scripted, play_episodes
 from segar.hardness import hardness
 from segar.language import Factor, Parameter, all_subclasses
 from segar.levels import TASK_LEVELS, Levels
-from segar.playground import aim_of, make_playground
+from segar.playground import aim_of, make_playground, together
 from segar.rendering import View
 from segar.support import aligned
 from segar.tasks import task_of

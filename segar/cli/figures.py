@@ -2,19 +2,17 @@
 
 import importlib.util
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from segar.cli.priors_text import Described, composition, described, is_constant, numbers
 from segar.errors import PriorError, SegarError, did_you_mean
-from segar.language import BaseShape, Position
+from segar.language import BaseShape
 from segar.levels import LevelDistribution
 from segar.noise import Empirical, Noise
+from segar.playground import Varying, together, varying
 from segar.support import replacing
 
 FORMATS = (".png", ".pdf", ".svg")
@@ -37,7 +35,7 @@ def draw_marginals(distribution: LevelDistribution, path: str, title: str) -> No
     Raises:
         SegarError: matplotlib is not installed, the format is not known, nothing varies, or the file cannot be written.
     """
-    panels = _panels(distribution)
+    panels = varying(distribution)
     if not panels:
         raise SegarError(f"every factor of '{title}' is constant: there is nothing to draw")
     columns = min(COLUMNS, len(panels))
@@ -45,7 +43,7 @@ def draw_marginals(distribution: LevelDistribution, path: str, title: str) -> No
     figure = _new_figure(path, PANEL * columns, PANEL * lines + 0.4)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
     for axis, panel in zip(axes, panels, strict=False):
-        panel.draw(axis)
+        _draw(axis, panel)
         axis.set_title(f"{panel.title}\n{textwrap.fill(together(panel.entities), WIDTH)}", fontsize=8)
         axis.tick_params(labelsize=7)
     for axis in axes[len(panels) :]:
@@ -98,57 +96,15 @@ def _save(figure: Any, path: str) -> None:
         figure.savefig(beside, format=Path(path).suffix[1:].lower(), dpi=150)
 
 
-def together(names: Sequence[str]) -> str:
-    """Names in a row, three or more that count on as ``"ball1 to ball10"``."""
-    runs: list[list[str]] = []
-    for name in names:
-        if runs and name == _next_name(runs[-1][-1]):
-            runs[-1].append(name)
-        else:
-            runs.append([name])
-    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(run) for run in runs)
-
-
-def _next_name(name: str) -> str | None:
-    """The name that counts on after this one, as ``ball10`` after ``ball9``; None if the name has no number."""
-    stem = name.rstrip("0123456789")
-    return None if stem == name else f"{stem}{int(name.removeprefix(stem)) + 1}"
-
-
-@dataclass
-class _Panel:
-    """What one panel shows, and of which entities."""
-
-    title: str
-    entities: list[str]
-    draw: Callable[[Any], None]
-
-
-def _panels(distribution: LevelDistribution) -> list[_Panel]:
-    panels = [
-        _Panel("number", names, lambda axis, law=law: _draw_line(axis, law, "")) for names, law in numbers(distribution)
-    ]
-    alike: dict[Any, _Panel] = {}
-    for name, slot in composition(distribution).items():
-        kinds = tuple(zip(slot["types"], slot["probabilities"], strict=True))
-        if len(kinds) > 1:
-            draw = partial(_draw_names, names=slot["types"], masses=slot["probabilities"])
-            alike.setdefault(kinds, _Panel("type", [], draw)).entities.append(name)
-    for one in described(distribution):
-        if not is_constant(one.law):
-            title = one.factor.__name__ + (f" (depends on {', '.join(one.reads)})" if one.reads else "")
-            alike.setdefault((title, one.law), _Panel(title, [], _drawing(one))).entities.append(one.entity)
-    return panels + list(alike.values())
-
-
-def _drawing(one: Described) -> Callable[[Any], None]:
-    unit = f"[{one.factor.unit}]" if one.factor.unit else ""
+def _draw(axis: Any, one: Varying) -> None:
+    unit = f"[{one.unit}]" if one.unit else ""
     if not isinstance(one.law, Noise):
-        return partial(_draw_shape, shape=one.law, unit=f"[{Position.unit}]")
-    if not one.law.width:
+        _draw_shape(axis, one.law, unit)
+    elif not one.law.width:
         choice: Any = one.law
-        return partial(_draw_names, names=list(map(repr, choice.keys)), masses=choice.p)
-    return partial(_draw_plane if one.law.width == 2 else _draw_line, law=one.law, unit=unit)
+        _draw_names(axis, [key if isinstance(key, str) else repr(key) for key in choice.keys], choice.p)
+    else:
+        (_draw_plane if one.law.width == 2 else _draw_line)(axis, one.law, unit)
 
 
 def _draw_names(axis: Any, names: Sequence[str], masses: Sequence[float]) -> None:

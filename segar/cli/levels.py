@@ -9,9 +9,9 @@ import numpy as np
 from segar import metrics
 from segar.cli import arguments
 from segar.cli.figures import draw_marginals
-from segar.cli.priors_text import composition, described
 from segar.errors import PriorError, UnseenDifferenceWarning
 from segar.levels import level_schema
+from segar.playground import composition, described
 
 AMONG = 200  # levels, such as those of a training, among which another may be
 MODES = ("exact", "reference", "paper")

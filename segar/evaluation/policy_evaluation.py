@@ -15,7 +15,7 @@ from segar.hardness import wilson_interval
 from segar.levels import Levels
 from segar.metrics import w2
 from segar.observations import trained_on
-from segar.support import aligned, counted, is_whole
+from segar.support import ShownInNotebooks, aligned, counted, is_whole
 
 CONFIDENCE = 0.95
 TRIAL_QUANTITIES = ("return", "success")  # quantities that are told trial by trial
@@ -38,7 +38,7 @@ class Interval(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LevelSetResult:
+class LevelSetResult(ShownInNotebooks):
     """What a policy achieves on a level set.
 
     Attributes:
@@ -127,7 +127,7 @@ class LevelSetResult:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class Evaluation(ShownInNotebooks):
     """A policy on training levels and on test levels; ``print`` shows a table of it.
 
     Attributes:

@@ -29,7 +29,7 @@ from segar.levels.sampling.placement import MIN_DISTANCE
 from segar.levels.sampling.plan import SamplingPlan, SlotGroup, make_sampling_plan
 from segar.noise import Noise
 from segar.rules import RuleSpace, World
-from segar.support import Estimate, __version__, is_whole
+from segar.support import Estimate, ShownInNotebooks, __version__, is_whole
 
 MOST_OF_A_KIND = 1000  # entities of an entry of ``numbers``: more are a slip, which would take memory and time
 MOST_LEVELS = 2**62  # indices of a split end before it
@@ -38,7 +38,7 @@ CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", 
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class LevelDistribution:
+class LevelDistribution(ShownInNotebooks):
     """A distribution of levels, as data: how many entities of which types, and priors over their factors.
 
     Args:

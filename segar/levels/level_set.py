@@ -24,13 +24,13 @@ from segar.levels.level_json import fields_of, is_json, read_json, write_json
 from segar.levels.sampling.placement import fix_block
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
-from segar.support import ArchiveFormat, Form, counted
+from segar.support import ArchiveFormat, Form, ShownInNotebooks, counted
 
 FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Levels(LevelData):
+class Levels(LevelData, ShownInNotebooks):
     """``n`` levels with the entity slots of one layout (``E`` slots).
 
     Attributes:

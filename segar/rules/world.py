@@ -11,10 +11,11 @@ from segar.rules.default_rules import DEFAULT_RULES
 from segar.rules.motion import speed_limit
 from segar.rules.rule_option import RuleOption
 from segar.rules.rule_space import RuleSpace
+from segar.support import ShownInNotebooks
 
 
 @dataclass(frozen=True, init=False)
-class World:
+class World(ShownInNotebooks):
     """Rules, and the contact rules that run after positions changed.
 
     Args:

@@ -21,7 +21,7 @@ from segar.observations import trained_on
 from segar.suites.causal_twins import Twin, Twins
 from segar.suites.sides import observation_on, require_free
 from segar.suites.suite_file import SIDES, Suite
-from segar.support import aligned, replacing
+from segar.support import ShownInNotebooks, aligned, replacing
 
 HEAD = (
     "group", "differs", "twins", "success_level", "success_twin", "effect", "effect_low", "effect_high", "failures",
@@ -81,7 +81,7 @@ class Cause:
 
 
 @dataclass(frozen=True, eq=False)
-class Causes:
+class Causes(ShownInNotebooks):
     """A policy on test levels and their twins; ``print`` shows a table.
 
     Attributes:

@@ -2,19 +2,11 @@
 
 import base64
 from pathlib import Path
-from typing import Any
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from segar.analysis.report.document.blocks import FINDING_HEAD, Document, Picture, finding_rows, pieces
+from segar.support import templates
 
 MARKS = {"supported": "✓", "not supported": "✗", "undecided": "?", "not yet tested": "…", "cannot be tested": "–"}
-
-
-def templates(folder: Path, **options: Any) -> Environment:
-    """The templates in a folder, in which a name that nobody gives is an error; ``options`` are those of jinja2."""
-    loader = FileSystemLoader(folder)
-    return Environment(loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, **options)
 
 
 def page(document: Document) -> str:

@@ -1,12 +1,13 @@
-"""What ``segar describe`` shows of a distribution: which entities there may be, and the distributions of their factors."""
+"""A distribution in words, for ``segar describe`` and notebooks: its entities, and the distributions of their factors."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from segar.errors import PriorError
-from segar.language import Factor, Shape
+from segar.language import Factor, Position, Shape
 from segar.levels import Draw, LevelDistribution, factors_needed
 from segar.noise import Choice, Deterministic, Empirical, Noise, as_noise
 
@@ -65,11 +66,54 @@ def composition(distribution: LevelDistribution) -> dict[str, dict[str, Any]]:
     return found | {floor.name: {"types": ["GlobalFriction"], "probabilities": [1.0], "optional": False, "there": 1.0}}
 
 
-def numbers(distribution: LevelDistribution) -> list[tuple[list[str], Noise]]:
-    """The entities of which there is a number that varies, and the distribution of that number."""
+@dataclass(frozen=True)
+class Varying:
+    """What varies between levels, alike for some entities: their number, their type, a factor or a world parameter.
+
+    Attributes:
+        law: its distribution, or a random shape; of types, a choice of names.
+        unit: of its values, empty where it has none.
+    """
+
+    title: str
+    entities: list[str]
+    law: Any
+    unit: str = ""
+
+
+def varying(distribution: LevelDistribution) -> list[Varying]:
+    """Every marginal that is not constant: numbers of entities, then types, factors and world parameters."""
     plan = distribution.plan
     laws = [([plan.layout.names[slot] for slot in group.slots], as_noise(group.count)) for group in plan.groups]
-    return [(names, law) for names, law in laws if len(law.atoms[0]) > 1]
+    found = [Varying("number", names, law) for names, law in laws if len(law.atoms[0]) > 1]
+    alike: dict[Any, Varying] = {}
+    for name, slot in composition(distribution).items():
+        if len(slot["types"]) > 1:
+            law = Choice(slot["types"], slot["probabilities"])
+            alike.setdefault(law, Varying("type", [], law)).entities.append(name)
+    for one in described(distribution):
+        if not is_constant(one.law):
+            title = one.factor.__name__ + (f" (depends on {', '.join(one.reads)})" if one.reads else "")
+            unit = Position.unit if one.factor is Shape else one.factor.unit
+            alike.setdefault((title, one.law), Varying(title, [], one.law, unit)).entities.append(one.entity)
+    return found + list(alike.values())
+
+
+def together(names: Sequence[str]) -> str:
+    """Names in a row, three or more that count on as ``"ball1 to ball10"``."""
+    runs: list[list[str]] = []
+    for name in names:
+        if runs and name == _next_name(runs[-1][-1]):
+            runs[-1].append(name)
+        else:
+            runs.append([name])
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(run) for run in runs)
+
+
+def _next_name(name: str) -> str | None:
+    """The name that counts on after this one, as ``ball10`` after ``ball9``; None if the name has no number."""
+    stem = name.rstrip("0123456789")
+    return None if stem == name else f"{stem}{int(name.removeprefix(stem)) + 1}"
 
 
 def _shapes(distribution: LevelDistribution) -> dict[str, list[Described]]:

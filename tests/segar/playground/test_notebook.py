@@ -1,0 +1,83 @@
+"""What notebooks show of levels, distributions, worlds and evaluations: small, complete, and safe to show."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import segar
+from segar.levels import TASK_LEVELS
+from segar.suites import find_causes, suite, twins
+from tests.segar.playground.browsers import Chromium
+
+LEAST, MOST = 1_000, 100_000  # bytes of a card
+
+
+def still(seen: np.ndarray) -> np.ndarray:
+    return np.zeros((len(seen), 2), np.float32)
+
+
+@pytest.fixture(scope="module")
+def cards() -> dict[str, str]:
+    easy = segar.family("empty-easy")
+    train, test = (easy.sample(20, seed=0, split=split) for split in ("train", "test"))
+    found = segar.evaluate_policy(still, train, test)
+    shown = {
+        "levels": segar.family("objectsx3-hard").sample(100),
+        "distribution": segar.family("tilesx3-hard"),
+        "world": segar.World(),
+        "rule space": suite("rules-rules-v1").train.world,
+        "evaluation": found,
+        "level set": found.test,
+        "causes": find_causes(still, twins(suite("place-few-v1"), n=4)),
+    }
+    return {name: one._repr_html_() for name, one in shown.items()}
+
+
+@pytest.mark.parametrize("name", [*segar.families(), *TASK_LEVELS])
+def test_cards_of_all_distributions_are_small_and_show_all_things(name):
+    distribution = segar.family(name)
+    levels = distribution.sample(8)
+    card = levels._repr_html_()
+    assert all(LEAST < len(one.encode()) < MOST for one in (card, distribution._repr_html_()))
+    shaped = (levels.shape_kind > 0) & (levels.types >= 0)
+    assert card.count("<title>") == shaped.sum()
+
+
+def test_cards_ask_for_nothing_and_run_nothing(cards):
+    for card in cards.values():
+        assert LEAST < len(card.encode()) < MOST
+        assert not re.search(r"<script|\bon\w+=|https?:|src=|url\(", card)
+
+
+def test_names_of_others_are_text():
+    name = "<script>alert(1)</script>"
+    card = segar.LevelDistribution([(segar.GolfBall, 1)], name=name)._repr_html_()
+    assert name not in card and "&lt;script&gt;" in card
+
+
+def test_a_card_says_what_print_says(cards):
+    assert "gap (test - train)" in cards["evaluation"] and "control" in cards["causes"]
+    assert "apply_friction" in cards["world"] and "RandomUniformLocation()" in cards["distribution"]
+
+
+def test_a_card_loads_neither_torch_nor_pygame():
+    code = "import segar, sys; segar.family('empty-easy')._repr_html_(); print({'torch', 'pygame'} & {*sys.modules})"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"
+
+
+def test_a_browser_shows_cards_on_a_narrow_screen(chromium: Chromium, cards: dict[str, str], tmp_path: Path):
+    page = tmp_path / "cards.html"
+    page.write_text("<!doctype html><meta charset='utf-8'>" + "".join(cards.values()))
+    chromium.page.set_viewport_size({"width": 400, "height": 800})
+    chromium.visit(page.as_uri())
+    wide = chromium.run("return document.documentElement.scrollWidth")
+    seen = chromium.run(
+        "return [...document.querySelectorAll('.segar-levels svg')].map((one) => one.getBoundingClientRect().width)"
+    )
+    chromium.page.set_viewport_size({"width": 1240, "height": 900})
+    assert wide <= 400 and len(seen) == 12 and min(seen) >= 100
+    assert not chromium.messages and len(chromium.requests) == 1
