@@ -117,8 +117,7 @@ def gap_plot(
         found = correlation(shown, x, y)
         if found.low > 0 or found.high < 0:  # a line says that there is something
             draw_line(axes, column(points, "x"), column(points, "y"))
-        axes.set_xlabel(TITLES.get(x, x))
-        axes.set_ylabel(TITLES.get(y, y))
+        axes.set(xlabel=TITLES.get(x, x), ylabel=TITLES.get(y, y))
         of = "r of the runs" if cells else "r"
         lines = [_counts(shown, points, len(table) - len(both), cells), *([_of_means(points)] if cells else [])]
         lines.append(f"{of} = {_in_words(found)}")

@@ -17,8 +17,6 @@ updates, and t that of all. Each is tried once first. (In the authors' code, unt
 return is the mean of the value targets of its steps, in the units of the rewards that the learner sees.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence

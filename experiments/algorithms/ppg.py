@@ -14,8 +14,6 @@ memory until then: a rollout of 64 environments and 32 steps takes 50 MB where t
 in the authors' code, no auxiliary phase follows the rollouts that are left when the budget ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

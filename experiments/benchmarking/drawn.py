@@ -1,7 +1,5 @@
 """Levels that follow from a row: drawn by its commitment, so that nobody can have seen them before the row was what it is."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """The levels that a piece of a row is played on: training levels, test levels, and the causal twins of the test levels."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Players whose place is known beforehand: where one of them stands otherwise, the benchmark is wrong, or gamed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

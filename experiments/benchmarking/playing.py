@@ -1,7 +1,5 @@
 """Plays the levels of a suite by a network, by recorded actions, or by a player without training: equal bits everywhere."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

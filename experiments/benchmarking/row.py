@@ -7,8 +7,6 @@ levels that follow from all of this, :class:`Drawn`; a row of recorded actions c
 published elsewhere, as those of the repository do: ``segar results fetch`` gets them.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

@@ -22,12 +22,10 @@ class Curriculum(Protocol):
 
     def __init__(self, config: Any, rows: LevelRows, explorer: Explorer, seed: int) -> None:
         """``rows`` are the levels, ``explorer`` tries levels out without learning; all draws follow from ``seed``."""
-        ...
 
     @staticmethod
     def rows_needed(config: Any, num_envs: int) -> int:
         """How many levels of an endless stream environments hold at a time; at least ``num_envs``."""
-        ...
 
     def began(self, row: np.ndarray) -> np.ndarray | None:
         """Episodes begin on these rows, int64; called in the step of the environments in which they do.
@@ -35,11 +33,9 @@ class Curriculum(Protocol):
         Returns rows on which these episodes shall begin instead, or None to leave them. Levels that are put into rows here do
         not change what these episodes are on, unless they begin elsewhere.
         """
-        ...
 
     def ended(self, ended: Ended) -> None:
         """Called for each rollout of an on-policy algorithm, where the settings say ``needs_scores``."""
-        ...
 
     def advance(self, frames: int) -> Mapping[str, float]:
         """Called before the first and after each iteration of the learner; returns figures to log.
@@ -47,15 +43,12 @@ class Curriculum(Protocol):
         Where the settings do not say ``needs_scores``, another rollout may be collected meanwhile, so levels must then be
         left alone here.
         """
-        ...
 
     def state_dict(self) -> dict[str, Any]:
         """All that decides the further choices, as arrays and plain data; levels and weights of the rows are stored beside."""
-        ...
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continues from what :meth:`state_dict` returned."""
-        ...
 
 
 def curriculum_class_of(config: CurriculumConfig) -> type[Any]:

@@ -61,7 +61,6 @@ class Policy(Protocol):
     def __call__(self, observations: Any, /) -> Any:
         """Actions ``(n, action size)`` for the observations ``(n, ...)`` of all n rows of a batch; those of episodes that are
         over have no effect on others."""
-        ...
 
 
 def begin_policy(policy: Any, env: Any) -> None:
@@ -98,7 +97,6 @@ class StepSource(Protocol):
 
     def step(self, actions: np.ndarray, /) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance all rows; return observations, rewards, terminated, truncated, info, as Gymnasium has them."""
-        ...
 
 
 def play(source: StepSource, policy: Policy, start: tuple[Any, dict[str, Any]], trials: int = 1) -> Iterator[TimeStep]:

@@ -1,7 +1,5 @@
 """Situations: initial states and the actions that follow, in which worlds are rolled out side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ parameter, and one for the rules. A mechanism has the name of its factor or para
 ``"Entities"`` and ``"World"``.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Collection
 

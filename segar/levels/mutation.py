@@ -1,7 +1,5 @@
 """Mutation: levels that differ from given ones in a few factors, which are drawn anew from the priors of the distribution."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ What becomes of a state is found by roll-outs, which this room cannot make: :fun
 states, the actions and the roll-outs, and the functions here take them as an argument.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable

@@ -1,7 +1,5 @@
 """The entropy of a level set's distribution, estimated from the levels alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """The sliced Wasserstein-2 distance, for many levels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

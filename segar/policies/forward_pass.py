@@ -1,7 +1,5 @@
 """From layers to what the compiled forward pass reads: a table of operations, their weights, and places in scratch."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Layers of networks as plain data: their kinds, the layers that they read, their weights, and their shapes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Networks of policies as plain data, which can be saved, read by anybody, and computed on any processor."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

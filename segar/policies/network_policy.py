@@ -1,7 +1,5 @@
 """A network that plays: a policy whose actions are the same bits on every processor."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Protocol
 
@@ -25,7 +23,6 @@ class Environments(Protocol):
 
     def state(self) -> Any:
         """A :class:`segar.envs.Snapshot`."""
-        ...
 
 
 class NetworkPolicy:

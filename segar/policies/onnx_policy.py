@@ -1,7 +1,5 @@
 """Policies in ONNX files, as other frameworks export them, played by onnxruntime."""
 
-from __future__ import annotations
-
 from os import PathLike
 from pathlib import Path
 from typing import Any

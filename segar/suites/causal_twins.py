@@ -1,7 +1,5 @@
 """Causal twins: test levels of a suite, each with one thing set as a training level has it, so that failures have causes."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 from collections.abc import Collection, Sequence

@@ -1,7 +1,5 @@
 """Makes suites: freezes test levels, finds the plans that solve them, and measures whether a suite is fit for comparisons."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The two sides of a suite, training and test: which levels, task and observation each of them has."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The card of a suite: what differs, how far training and test are apart and of what that is made, and what certifies it."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Plays a suite whole: a policy on training levels of a seed and on the test levels, with scores from the frozen plans."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from typing import Any

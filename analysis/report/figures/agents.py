@@ -50,9 +50,7 @@ def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, 
             if len(table) and min(column(table, name).min() for name in ACCURACIES) < CHANCE_SEEN:
                 axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
             draw_related(evidence, axes, related, 32)
-            axes.set_title(title)
-            axes.set_xlabel("accuracy of the critic")
-            axes.set_ylabel(SHORT_GAP)
+            axes.set(title=title, xlabel="accuracy of the critic", ylabel=SHORT_GAP)
     return figure
 
 
@@ -113,8 +111,7 @@ def performance_profiles(evidence: Evidence) -> Drawn:
         part = select(table, experiment=experiment)
         for algorithm in sorted(set(part["algorithm"])):
             draw_profile(axes, select(part, algorithm=algorithm), colours[algorithm], word_for(algorithm))
-        axes.set_title(COMPARED[experiment])
-        axes.set_xlabel("score on test levels")
+        axes.set(title=COMPARED[experiment], xlabel="score on test levels")
         axes.legend(loc="lower left", fontsize=8.5)
     grid[0].set_ylabel("share of runs above it")
     return Drawn(figure, table)

@@ -59,8 +59,7 @@ def fixed_n(evidence: Evidence) -> Drawn:
             axes.scatter(column(part, x), column(part, y), s=34, **look)
         found = evidence.correlation(judged, x, y, ("panel", "levels"))
         axes.set_title(f"given panel: {estimate_text(found)}", loc="left", fontsize=9.5)
-        axes.set_xlabel(f"{label}, training to test levels")
-        axes.set_ylabel(gap)
+        axes.set(xlabel=f"{label}, training to test levels", ylabel=gap)
     legend_below(figure, figure.axes[0], 5)
     return Drawn(figure, table)
 
@@ -129,8 +128,7 @@ def rule_sets(evidence: Evidence) -> Drawn:
         right.scatter(column(part, "dynamics_w2"), column(part, "gap_success"), s=26, label=label, **look)
     for axes in (middle, right):
         zero_line(axes)
-    right.set_xlabel("W2 between dynamics, training to test")
-    right.set_ylabel("gap in success")
+    right.set(xlabel="W2 between dynamics, training to test", ylabel="gap in success")
     right.legend(title="rule sets", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return Drawn(figure, table)
 
@@ -150,9 +148,7 @@ def trials(evidence: Evidence) -> Drawn:
                 played.assign(trial=[names.index(one) + 1 for one in played["trial"]]), "trial", "success"
             )
             draw_means(axes, k, column(means, "trial"), means, label)
-    axes.set_xticks(range(1, len(names) + 1))
-    axes.set_xlabel("trial on the level")
-    axes.set_ylabel("success on unseen rule sets")
+    axes.set(xticks=range(1, len(names) + 1), xlabel="trial on the level", ylabel="success on unseen rule sets")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return Drawn(figure, table)
 
@@ -186,10 +182,12 @@ def hardness(evidence: Evidence) -> Drawn:
         part = select(table, player=player)
         means = part.rename(columns={"success": "estimate"})
         draw_means(axes, k, column(part, "conditions") + 0.05 * (k - 1), means, word_for(player))
-    axes.set_xticks(sorted(set(table["conditions"])))
-    axes.set_ylim(-0.05, 1.08)
-    axes.set_xlabel("conditions on the goal")
-    axes.set_ylabel("success on test levels")
+    axes.set(
+        xticks=sorted(set(table["conditions"])),
+        ylim=(-0.05, 1.08),
+        xlabel="conditions on the goal",
+        ylabel="success on test levels",
+    )
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return Drawn(figure, table)
 
@@ -231,9 +229,11 @@ def w2_study(evidence: Evidence) -> Drawn:
             if mode == "reference":
                 one.plot(column(mine, "n"), column(mine, "mean_2022"), "x", color="#000000", markersize=4, zorder=5)
         log_axis(one, sorted(set(part["n"])))
-        one.set_xlabel("training levels")
-        one.set_ylabel(f"W2 to {TEST_LEVELS} test levels")
-        one.set_title("W2 of 2022" if mode == "reference" else "exact W2")
+        one.set(
+            xlabel="training levels",
+            ylabel=f"W2 to {TEST_LEVELS} test levels",
+            title="W2 of 2022" if mode == "reference" else "exact W2",
+        )
     places = pd.DataFrame([panel.split("-") for panel in dict.fromkeys(inside["train"])], columns=list(PANEL))
     figure.legend(handles=legend_of(places), loc="outside lower center", ncols=6, handletextpad=0.2)
     return Drawn(figure, table)

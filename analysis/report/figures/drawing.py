@@ -101,9 +101,7 @@ def success_by_number(table: pd.DataFrame, by: str, lines: Mapping[str, str], y_
             look = {"color": colours[name], "marker": markers[name], "linestyle": line, "label": f"{name}, {kind}"}
             axes.plot(column(means, "n"), column(means, "success"), **look)
         log_axis(axes, sorted(set(part["n"])))
-        axes.set_ylim(-0.03, 1.03)
-        axes.set_title(word_for(family))
-        axes.set_xlabel("training levels")
+        axes.set(ylim=(-0.03, 1.03), title=word_for(family), xlabel="training levels")
     grid[0].set_ylabel(y_label)
     legend_below(figure, grid[0], 3)
     return figure
@@ -128,8 +126,7 @@ def figure_of_curves(table: pd.DataFrame, panels: Mapping[str, str], y_label: st
             label = ", ".join(filter(None, [word_for(kind), f"{n}"]))
             at, value = column(part, "frames") / 1000, column(part, "value")
             axes.plot(at, value, line, color=colour, linewidth=1.3, marker=".", markersize=3, label=entry(label))
-        axes.set_title(title)
-        axes.set_xlabel("thousand frames")
+        axes.set(title=title, xlabel="thousand frames")
     grid[0].set_ylabel(y_label)
     legend_below(figure, grid[0], 2 if kinds else 8, "training levels")
     return figure
@@ -176,8 +173,7 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "")
                 axes.plot(column(means, "at"), column(means, y), "_", color="#000000", markersize=12, zorder=2)
         zero_line(axes)
         axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
-        axes.set_xlim(-0.6, len(groups) - 0.4)
-        axes.set_title(titles[panel])
+        axes.set(xlim=(-0.6, len(groups) - 0.4), title=titles[panel])
     for axes in grid[:: across(len(panels))]:
         axes.set_ylabel(label)
     legend_below(figure, grid[0], 6)

@@ -137,9 +137,7 @@ def specification_curves(evidence: Evidence) -> Drawn:
             axes.errorbar(column(rows_of, "estimate"), at, xerr=error_bars(rows_of, "estimate"), **look)
         shown = [one.rpartition(", ")[0] for one in order]
         axes.set_yticks(range(len(order)), shown, fontsize=8)
-        axes.set_ylim(-0.7, len(order) - 0.3)
-        axes.set_xlim(-1.02, 1.02)
-        axes.set_xlabel("partial r")
+        axes.set(ylim=(-0.7, len(order) - 0.3), xlim=(-1.02, 1.02), xlabel="partial r")
         axes.set_title(f"{name}: {words}", loc="left", fontsize=9)
     handles = [Line2D([], [], marker="o", linestyle="none", color=c, label=f"gap in {name}" if name != "regret" else
                       "regret (sign turned)") for name, c in colours.items()]  # fmt: skip

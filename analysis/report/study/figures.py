@@ -77,8 +77,7 @@ def by_number(study: Study, values: Sequence[str], label: str, caption: str) -> 
             )
         zero_line(axes)
         log_axis(axes, sorted(set(study.runs["n"])))
-        axes.set_title(panel)
-        axes.set_xlabel("training levels")
+        axes.set(title=panel, xlabel="training levels")
         if shares:
             axes.set_ylim(-0.05, 1.05)
     grid[0].set_ylabel(label)

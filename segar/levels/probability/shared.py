@@ -5,8 +5,6 @@ distributions, and the places of things that were moved out of a wall in both di
 corner. Two levels are the same where :func:`segar.levels.apart.near_levels` says so for a distance of 0.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

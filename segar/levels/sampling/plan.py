@@ -1,7 +1,5 @@
 """What has to be drawn for levels, read off a distribution once, and the arrays that are filled by it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter

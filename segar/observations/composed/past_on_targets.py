@@ -1,7 +1,5 @@
 """What observations of the past do on other targets: kernels that change the stacks and the actions of environments."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
