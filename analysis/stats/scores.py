@@ -52,25 +52,16 @@ AGGREGATES: dict[str, Callable[[Scores], Scores]] = {
 
 
 def aggregates(
-    table: pd.DataFrame,
-    score: str,
-    rng: np.random.Generator,
-    *,
-    by: str = "algorithm",
-    task: Sequence[str] = TASK,
-    run: str = "seed",
-    resamples: int = RESAMPLES,
+    table: pd.DataFrame, score: str, rng: np.random.Generator, *, task: Sequence[str] = TASK, resamples: int = RESAMPLES
 ) -> pd.DataFrame:
-    """Aggregates of each value of ``by``: columns ``by``, ``metric``, ``estimate``, ``low``, ``high`` (95 %), ``n``
+    """Aggregates of each algorithm: columns ``algorithm``, ``metric``, ``estimate``, ``low``, ``high`` (95 %), ``n``
     (runs times tasks), ``p`` (nan), ``level``, ``note``; the metrics are "iqm", "mean", "median", "optimality_gap". Of fewer
     than three runs, or of runs that are all alike, there is no interval.
 
     Raises:
         SegarError: a column is missing, or a task lacks a run.
     """
-    return interval_rows(
-        matrices(table, score, by, task, run), AGGREGATES, (by, "metric"), run, rng, resamples, Estimate.between
-    )
+    return interval_rows(matrices(table, score, task), AGGREGATES, "metric", rng, resamples, Estimate.between)
 
 
 def performance_profiles(
@@ -79,41 +70,38 @@ def performance_profiles(
     thresholds: Sequence[float],
     rng: np.random.Generator,
     *,
-    by: str = "algorithm",
     task: Sequence[str] = TASK,
-    run: str = "seed",
     resamples: int = RESAMPLES,
 ) -> pd.DataFrame:
-    """Share of runs, over all tasks, that score above each threshold: columns ``by``, ``threshold``, ``estimate``,
+    """Share of runs, over all tasks, that score above each threshold: columns ``algorithm``, ``threshold``, ``estimate``,
     ``low``, ``high`` (95 %, of each point by itself; without width where all runs, three at least, are on one side), ``n``;
     raises as :func:`aggregates`."""
     shares = {float(at): lambda runs, at=at: (runs > at).mean(axis=(-2, -1)) for at in thresholds}
-    return interval_rows(matrices(table, score, by, task, run), shares, (by, "threshold"), run, rng, resamples)
+    return interval_rows(matrices(table, score, task), shares, "threshold", rng, resamples)
 
 
 def interval_rows(
     scores: Mapping[Any, Scores],
     functions: Mapping[Any, Callable[[Scores], Scores]],
-    columns: tuple[str, str],
-    run: str,
+    column: str,
     rng: np.random.Generator,
     resamples: int,
     interval: Callable[[float, float, float, int], Estimate] = Estimate,
 ) -> pd.DataFrame:
-    """Each function of each scores ``[runs, tasks]``, with its 95 % interval, where there are three runs; ``columns``
-    name the scores and the function."""
+    """Each function of each scores ``[runs, tasks]``, with its 95 % interval, where there are three runs; ``column``
+    says which function."""
     rows = []
     for name, values in scores.items():
         drawn = resampled(values, rng, resamples)
         for label, function in functions.items():
-            value, few = float(function(values)), too_few(run, values)
+            value, few = float(function(values)), too_few(values)
             low, high = (float(end) for end in np.quantile(function(drawn), (0.025, 0.975)))
             one = (
                 Estimate(value, np.nan, np.nan, values.size, note=few)
                 if few
                 else interval(value, low, high, values.size)
             )
-            rows.append(one.row(**dict(zip(columns, (name, label), strict=True))))
+            rows.append(one.row(**{"algorithm": name, column: label}))
     return pd.DataFrame(rows)
 
 
@@ -124,9 +112,7 @@ def probability_of_improvement(
     worse: str,
     rng: np.random.Generator,
     *,
-    by: str = "algorithm",
     task: Sequence[str] = TASK,
-    run: str = "seed",
     resamples: int = RESAMPLES,
 ) -> Estimate:
     """P(a run of ``better`` scores above one of ``worse``), mean over tasks; ties count half.
@@ -137,19 +123,19 @@ def probability_of_improvement(
     Raises:
         SegarError: as :func:`aggregates`, or one of the two is not in the table, or they did different tasks.
     """
-    found = matrices(table, score, by, task, run)
+    found = matrices(table, score, task)
     for name in (better, worse):
         if name not in found:
-            raise SegarError(f"no row has {by} '{name}'.{did_you_mean(str(name), map(str, found))}")
+            raise SegarError(f"no row has algorithm '{name}'.{did_you_mean(str(name), map(str, found))}")
     done, words = keys(table, task), labels(table, task)
-    tasks = [set(done[(table[by] == name).to_numpy()]) for name in (better, worse)]
+    tasks = [set(done[(table["algorithm"] == name).to_numpy()]) for name in (better, worse)]
     if tasks[0] != tasks[1]:
         alone = ", ".join(sorted(words[done == one][0] for one in tasks[0] ^ tasks[1]))
         raise SegarError(f"{better} and {worse} did different tasks: {alone}")
     a, b = found[better], found[worse]
     drawn = wins(resampled(a, rng, resamples), resampled(b, rng, resamples))
     value, n = float(wins(a, b)), a.size + b.size
-    if few := too_few(run, a, b):
+    if few := too_few(a, b):
         return Estimate(value, np.nan, np.nan, n, note=few)
     low, high = np.quantile(drawn, (0.025, 0.975))
     side = min((drawn <= 0.5).mean(), (drawn >= 0.5).mean())
@@ -158,10 +144,10 @@ def probability_of_improvement(
     return dataclasses.replace(Estimate.between(value, float(low), float(high), n), p=p)
 
 
-def too_few(run: str, *scores: Scores) -> str:
+def too_few(*scores: Scores) -> str:
     """Why scores [runs, tasks] have no interval: of one or two runs a bootstrap has next to no width; empty of more."""
     count = min(map(len, scores))
-    return f"{count} {run}{'s' * (count > 1)}: no interval" if count < FEWEST_UNITS else ""
+    return f"{count} seed{'s' * (count > 1)}: no interval" if count < FEWEST_UNITS else ""
 
 
 def wins(a: Scores, b: Scores) -> Scores:
@@ -170,24 +156,24 @@ def wins(a: Scores, b: Scores) -> Scores:
     return ((difference + 1) / 2).mean(axis=(-3, -2, -1))
 
 
-def matrices(table: pd.DataFrame, score: str, by: str, task: Sequence[str], run: str) -> dict[Any, Scores]:
-    """Scores [runs, tasks] of each value of ``by``, tasks in the order of their names."""
-    require(table, score, by, run, *task)
-    found: dict[Any, Scores] = {}
-    whose, tasks, _ = (keys(table, names) for names in ((by,), task, (run,)))
+def matrices(table: pd.DataFrame, score: str, task: Sequence[str]) -> dict[str, Scores]:
+    """Scores [runs, tasks] of each algorithm, tasks in the order of their names."""
+    require(table, score, "algorithm", "seed", *task)
+    found: dict[str, Scores] = {}
+    whose, tasks, _ = (keys(table, names) for names in (("algorithm",), task, ("seed",)))
     for _, part in table.assign(task=tasks).groupby(whose, dropna=False):
-        name = part[by].iloc[0]
-        wide = part.pivot_table(score, run, "task", aggfunc=list, dropna=False)
+        name = part["algorithm"].iloc[0]
+        wide = part.pivot_table(score, "seed", "task", aggfunc=list, dropna=False)
         ragged = [(r, t) for r, row in wide.iterrows() for t, v in row.items() if not isinstance(v, list) or len(v) > 1]
         if ragged:
             (r, t), cell = ragged[0], wide.loc[ragged[0]]
             what, where = "several rows" if isinstance(cell, list) else "no row", labels(table, task)[tasks == t][0]
             raise SegarError(
-                f"{by} '{name}' has {what} for {run} {r} on {where}; every run must have one score on every task"
+                f"algorithm '{name}' has {what} for seed {r} on {where}; every run must have one score on every task"
             )
         found[name] = np.array([[v[0] for v in row] for row in wide.to_numpy()], np.float64)
         if not np.isfinite(found[name]).all():
-            raise SegarError(f"{by} '{name}' has a {score} that is not finite")
+            raise SegarError(f"algorithm '{name}' has a {score} that is not finite")
     return found
 
 
