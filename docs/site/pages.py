@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -190,17 +191,28 @@ def source_page(path: Path) -> str:
 def shown_source(path: Path) -> Iterator[tuple[str, str]]:
     """The page of a file; of a folder, a page that lists its files, and their pages."""
     place = path.relative_to(ROOT).as_posix()
-    head = f"---\norphan: true\nnosearch: true\n---\n\n# `{place}`\n\n"
+    settings = "---\norphan: true\nnosearch: true\n---\n\n"
+    head = f"{settings}# `{place}`\n\n"
     if path.is_dir():
         files = sorted(file for file in path.iterdir() if file.suffix in LEXERS)
         yield source_page(path), head + "".join(f"- [`{file.name}`]({file.name}.md)\n" for file in files)
         for file in files:
             yield from shown_source(file)
+    elif path.suffix == ".ipynb":
+        yield source_page(path), settings + notebook_text(path)
     else:
         yield (
             source_page(path),
             f"{head}````{{code-block}} {LEXERS.get(path.suffix, 'text')}\n{path.read_text(encoding='utf-8')}````\n",
         )
+
+
+def notebook_text(path: Path) -> str:
+    """The cells of a notebook, its programs in blocks."""
+    cells = [
+        (cell["cell_type"], "".join(cell["source"])) for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
+    ]
+    return "\n\n".join(f"```python\n{text}\n```" if kind == "code" else text for kind, text in cells) + "\n"
 
 
 if __name__ == "__main__":

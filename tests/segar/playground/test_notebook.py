@@ -1,5 +1,6 @@
 """What notebooks show of levels, distributions, worlds and evaluations: small, complete, and safe to show."""
 
+import json
 import re
 import subprocess
 import sys
@@ -11,9 +12,11 @@ import pytest
 import segar
 from segar.levels import TASK_LEVELS
 from segar.suites import find_causes, suite, twins
+from tests.places import ROOT
 from tests.segar.playground.browsers import Chromium
 
 LEAST, MOST = 1_000, 100_000  # bytes of a card
+NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
 
 
 def still(seen: np.ndarray) -> np.ndarray:
@@ -81,3 +84,29 @@ def test_a_browser_shows_cards_on_a_narrow_screen(chromium: Chromium, cards: dic
     chromium.page.set_viewport_size({"width": 1240, "height": 900})
     assert wide <= 400 and len(seen) == 12 and min(seen) >= 100
     assert not chromium.messages and len(chromium.requests) == 1
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_are_kept_without_what_they_show(path: Path):
+    code = [cell for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
+    assert not [cell for cell in code if cell["outputs"] or cell["execution_count"]]
+    assert sum(bool(line.strip()) for cell in code for line in cell["source"]) <= 40
+
+
+@pytest.mark.docs
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_and_a_browser_shows_its_cards_pages_and_videos(path: Path, chromium: Chromium, tmp_path: Path):
+    import nbformat
+    from nbclient import NotebookClient
+
+    notebook = nbformat.read(path, as_version=4)
+    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    shown = [output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})]
+    assert len(shown) >= 2 and max(map(len, shown)) < 300_000
+    page = tmp_path / "shown.html"
+    page.write_text("<!doctype html><meta charset='utf-8'>" + "".join(shown))
+    chromium.visit(page.as_uri())
+    chromium.until("[...document.querySelectorAll('iframe')].every((one) => one.contentWindow.playground)")
+    chromium.until("[...document.querySelectorAll('video')].every((one) => one.duration > 0)")
+    assert "Traceback" not in chromium.run("return document.body.innerText") and not chromium.messages
