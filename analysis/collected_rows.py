@@ -62,17 +62,13 @@ def software(versions: Mapping[str, Any]) -> dict[str, str]:
     threads, processor) of a run's versions.json."""
     git = versions["git"]
     libraries = {"python": versions["python"], **versions["libraries"]}
+    code = {name: part for name, part in versions["code"].items() if name != "levels"}  # data: each run has its own
     return {
-        "code": combined(without_levels(versions["code"])),
+        "code": combined(code),
         "commit": git["commit"] + ("+" if git["changed"] else "") if git else "",
         "libraries": ", ".join(f"{name} {version}" for name, version in libraries.items() if version),
         "computed_with": computed_with(versions),
     }
-
-
-def without_levels(code: Mapping[str, str]) -> dict[str, str]:
-    """The parts of the code but for the levels, which are data: each distribution has its own."""
-    return {name: part for name, part in code.items() if name != "levels"}
 
 
 def transfer_row(

@@ -22,7 +22,7 @@ from segar.experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from segar.experiments.settings import GridPoint, RunConfig, TrackingConfig, as_data, config_at, grid_point
+from segar.experiments.settings import RunConfig, TrackingConfig, as_data, grid_point
 
 TEST_LEVELS = 20
 MADE_WITH: dict[str, Any] = {
@@ -94,20 +94,6 @@ def episodes(config: RunConfig, gap: float) -> list[dict[str, Any]]:
                 for i, value in enumerate(returns)
             ]
     return rows
-
-
-def write_grid(config: RunConfig, families=("empty", "tilesx1"), difficulties=("easy", "hard"), counts=(1, 10, 100)):
-    """A run for every cell, in which the gap falls with W2; returns their folders."""
-    rng = np.random.default_rng(0)
-    folders = []
-    for i, family in enumerate(families):
-        for j, difficulty in enumerate(difficulties):
-            for n in counts:
-                w2 = (0.2 + 0.1 * i + 0.15 * j) * n**-0.2
-                gap = -4 * w2 + 0.2 * rng.normal()
-                cell = GridPoint(family, difficulty, n, config.seed)
-                folders.append(write_run(config_at(config, cell), gap=gap, w2=w2))
-    return folders
 
 
 def pretend_to_train(config: RunConfig) -> dict[str, float]:

@@ -15,7 +15,6 @@ from segar.analysis.plotting.figures import save_figure
 from segar.analysis.tables import write_csv
 from segar.experiments.benchmarking.panel import PANEL, read_panel
 from segar.experiments.benchmarking.protocol import REFERENCES, SHIPPED
-from segar.experiments.benchmarking.row import Row
 from segar.experiments.benchmarking.verification import is_verified
 from segar.experiments.runs.files import write_text
 from segar.experiments.runs.run_folder import root_folder
@@ -56,7 +55,7 @@ def report_rows(
         names = [name for one in here if one not in REFERENCES for name in rows[one].suites()]
     suites = suites_compared(table, names or list(table["suite"]))
     board = leaderboard(table, suites)
-    marks = {name: f"{name} {MARK}" for name in unverified(rows)}
+    marks = {name: f"{name} {MARK}" for name, one in rows.items() if not is_verified(one)}
     if row in rows:
         print(suite_table(table.loc[table["row"] == row]))
         print(with_marks(overall_table(rows, table, board, suites[OVERALL]), marks))
@@ -72,11 +71,6 @@ def report_rows(
     if row in rows and settings.name != "none":
         files = [path for name in (SCORES, BOARD, CAUSES, PAGE, f"{PROFILE}.png") if (path := folder / name).exists()]
         track_row(settings, root_folder(root), rows[row], numbers_of(row, table, board), files)
-
-
-def unverified(rows: Mapping[str, Row]) -> list[str]:
-    """The names of the rows that nobody has verified here: what their files say may not be what was played."""
-    return [name for name, row in rows.items() if not is_verified(row)]
 
 
 def with_marks(text: str, names: Iterable[str]) -> str:

@@ -195,7 +195,8 @@ def distance_figures(train: Levels, test: Levels, modes: Sequence[Any]) -> dict[
     not see, :func:`unseen_by_distances` says."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnseenDifferenceWarning)
-        distances = {f"w2/{mode}": float(w2(train, test, mode=mode)) for mode in exact_first(modes)}
+        first = sorted(modes, key=lambda mode: mode != "exact")
+        distances = {f"w2/{mode}": float(w2(train, test, mode=mode)) for mode in first}
         return {**distances, "ks": float(ks(train, test))}
 
 
@@ -208,11 +209,6 @@ def unseen_by_distances(train: Levels, test: Levels, modes: Sequence[Any]) -> li
         for mode, texts in found.items()
         if texts
     ]
-
-
-def exact_first(modes: Sequence[Any]) -> list[Any]:
-    """The modes of Wasserstein-2, ``exact`` before those that see less."""
-    return sorted(modes, key=lambda mode: mode != "exact")
 
 
 def diversity_figures(train: Levels, test: Levels) -> dict[str, float]:

@@ -184,14 +184,10 @@ def _write(place: Path, episodes: Iterable[Episode], env: VectorEnv, spec: EnvSp
     storage = MinariStorage.new(
         beside, env.single_observation_space, env.single_action_space, spec, jpeg_encoding=False
     )
-    buffers: Any = ({**vars(one), "options": _stored(one.options)} for one in episodes)
+    # Seeds are beyond the default integers of HDF5.
+    buffers: Any = (vars(one) | {"options": one.options | {"seed": np.uint64(one.options["seed"])}} for one in episodes)
     storage.update_episodes(EpisodeBuffer(**one) for one in buffers)
     os.replace(beside, place)
-
-
-def _stored(options: dict[str, Any]) -> dict[str, Any]:
-    """The options of an episode as HDF5 can hold them: seeds are beyond its default integers."""
-    return {**options, "seed": np.uint64(options["seed"])}
 
 
 def _read(place: Path) -> Iterator[Episode]:

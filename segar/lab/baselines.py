@@ -108,8 +108,9 @@ def sequential(session: Session, rng: np.random.Generator) -> Law:
         spread = np.concatenate([session.predict(laws[:ENSEMBLE], **one).var(axis=0) for one in tried])
         doubt = np.nanmean(np.log1p(spread / CLOSE**2), axis=(1, 2))
         size = (number * (k + 1)) // rounds - (session.lab.budget - session.left) // session.lab.most_steps
-        for one, rows in zip(tried, _split(np.argsort(-doubt)[:size]), strict=True):
-            seen = _see(session, seen, _picked(one, rows))
+        chosen = np.argsort(-doubt)[:size]
+        for kind, one in enumerate(tried):
+            seen = _see(session, seen, _picked(one, chosen[chosen // CANDIDATES == kind] % CANDIDATES))
     return _evolved(session, [*laws, *draw_laws(session.lab, DRAWS, rng)], seen, rng, GENERATIONS)[0]
 
 
@@ -301,11 +302,6 @@ def _fits(lab: Lab, names: Sequence[str]) -> bool:
     places = {lab.space.index(name) for name in names}
     few = len(names) == len(places) <= lab.space.count.atoms[0].max()
     return few and not lab.space.excludes(places)
-
-
-def _split(chosen: np.ndarray) -> list[np.ndarray]:
-    """Numbers of candidates of both kinds, by kind."""
-    return [chosen[chosen // CANDIDATES == k] % CANDIDATES for k in range(2)]
 
 
 def _picked(batch: Mapping[str, Any], rows: np.ndarray) -> dict[str, Any]:

@@ -23,11 +23,6 @@ from segar.suites.sides import observation_on, require_free
 from segar.suites.suite_file import SIDES, Suite
 from segar.support import ShownInNotebooks, aligned, replacing
 
-HEAD = (
-    "group", "differs", "twins", "success_level", "success_twin", "effect", "effect_low", "effect_high", "failures",
-    "attributed", "attributed_low", "attributed_high",
-)  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Cause:
@@ -71,13 +66,13 @@ class Cause:
 
     def row(self) -> dict[str, Any]:
         """The numbers by their names in tables."""
-        ends = {
-            "effect": self.effect.value, "effect_low": self.effect.low, "effect_high": self.effect.high,
-            "attributed": self.attributed.value, "attributed_low": self.attributed.low,
-            "attributed_high": self.attributed.high,
-        }  # fmt: skip
-        plain = {name: getattr(self, name) for name in HEAD if name not in ends}
-        return {name: (plain | ends)[name] for name in HEAD}
+        found: dict[str, Any] = {}
+        for name, value in vars(self).items():
+            if isinstance(value, Interval):
+                found |= {name: value.value, f"{name}_low": value.low, f"{name}_high": value.high}
+            elif name != "says":
+                found[name] = value
+        return found
 
 
 @dataclass(frozen=True, eq=False)

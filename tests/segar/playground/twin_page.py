@@ -71,11 +71,6 @@ def episodes_of(levels: Levels, number: int, steps: int | None, rng: np.random.G
     ]
 
 
-def _singles(numbers: np.ndarray) -> list[Any]:
-    """Numbers of 32 bits as plain ones."""
-    return numbers.astype(np.float32).tolist()
-
-
 def play_natively(
     levels: Levels, observations: Sequence[Any], episodes: Sequence[dict[str, Any]], policy: NetworkPolicy | None = None
 ) -> list[dict[str, Any]]:
