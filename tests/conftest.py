@@ -31,7 +31,17 @@ collect_ignore = [] if PAPER.is_file() else ["project/test_paper_listings.py"]
 LONG = ("playground/test_bits", "envs/test_device", "engine/targets/", "playground/", "engine/", "experiments/")
 
 
+# Where compiled kernels are the point.
+COMPILED = tuple(
+    f"tests/segar/{name}.py"
+    for name in ("engine/test_agreement", "engine/test_cache", "engine/test_mathematics_in_rules", "envs/test_threads")
+)
+
+
 def pytest_collection_modifyitems(items) -> None:
+    for item in items:
+        if item.nodeid.startswith(COMPILED):
+            item.add_marker("compiled")
     items.sort(key=lambda item: next((k for k, part in enumerate(LONG) if part in item.nodeid), len(LONG)))
 
 
@@ -45,6 +55,15 @@ def pytest_runtest_teardown(item, nextitem) -> None:
     """After a module, the memory that its tests left goes back to the system: a worker runs thousands of tests."""
     if TRIM is not None and (nextitem is None or nextitem.module is not item.module):
         TRIM(0)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item) -> None:
+    """Before its fixtures: whether the worlds of a test are compiled, or run as plain Python at first."""
+    import segar.engine.simulator as simulator
+    from tests.plain_kernels import load_module, tried_module
+
+    simulator.load_module = load_module if item.get_closest_marker("compiled") else tried_module
 
 
 def pytest_sessionfinish(session) -> None:
@@ -74,11 +93,3 @@ def pytest_terminal_summary(terminalreporter) -> None:
 def eager_threads(monkeypatch) -> None:
     """Worker threads join every call, however short."""
     monkeypatch.setattr("segar.support.threads.WORTH_WAKING", -1.0)
-
-
-@pytest.fixture
-def plain_source(monkeypatch) -> None:
-    """Generated source runs as plain Python: where the kernel is not the point, nothing is compiled."""
-    from tests.segar.engine.worlds import plain_module
-
-    monkeypatch.setattr("segar.engine.simulator.load_module", plain_module)

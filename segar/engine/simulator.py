@@ -137,7 +137,7 @@ class Simulator:
             if vertices.shape[2] == 0:
                 vertices = np.zeros((*vertices.shape[:2], 1, 2))
             arrays = LevelArrays(
-                bits=self.source.type_masks[levels.types],
+                bits=np.ascontiguousarray(self.source.type_masks[levels.types]),
                 kind=np.ascontiguousarray(levels.shape_kind, np.int8),
                 count=np.ascontiguousarray(levels.vertex_count, np.int16),
                 vertex=np.ascontiguousarray(vertices),

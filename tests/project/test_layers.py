@@ -8,6 +8,7 @@ import importlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -146,6 +147,7 @@ def imports_of(module: str, source: str) -> Iterator[Import]:
                 )
 
 
+@cache
 def own_imports() -> list[Import]:
     return [
         found
@@ -155,9 +157,6 @@ def own_imports() -> list[Import]:
         for found in imports_of(module, file.read_text())
         if found.target.split(".")[0] in PACKAGES
     ]
-
-
-IMPORTS = own_imports()
 
 
 def objections(one: Import) -> Iterator[str]:
@@ -178,7 +177,7 @@ def objections(one: Import) -> Iterator[str]:
 
 
 def test_every_import_points_down_and_goes_through_a_face():
-    wrong = [objection for one in IMPORTS for objection in objections(one)]
+    wrong = [objection for one in own_imports() for objection in objections(one)]
     assert not wrong, "\n" + "\n".join(wrong)
 
 
@@ -209,7 +208,7 @@ def test_a_turned_arrow_is_found(importer, target):
 
 def test_files_import_each_other_in_no_circle():
     arrows: dict[str, set[str]] = {module: set() for module in MODULES}
-    for one in IMPORTS:
+    for one in own_imports():
         if one.target in MODULES:
             arrows[one.importer].add(one.target)
     while leaves := {module for module, targets in arrows.items() if not targets & arrows.keys() - {module}}:

@@ -76,7 +76,6 @@ def trained_in_gusts(tmp_path_factory):
     return run(short_run(tmp_path_factory.mktemp("gusty") / "run", levels=levels), lambda line: None).folder
 
 
-@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize(
     ("levels", "portable"), [("test", True), ("train", False), ("tests.experiments.evaluation.gusty:WINDY", False)]
 )
@@ -98,7 +97,6 @@ def on_a_raft(tmp_path_factory):
     return run(short_run(tmp_path_factory.mktemp("raft") / "run", levels=levels), lambda line: None).folder
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_twins_are_of_the_test_levels_of_a_run_or_of_another_distribution(on_a_raft):
     for levels, n, name in (("test", None, "tests.raft:strong"), ("tests.raft:calm", 2, "tests.raft:calm")):
         found = evaluate(
@@ -113,7 +111,6 @@ def test_twins_are_of_the_test_levels_of_a_run_or_of_another_distribution(on_a_r
         evaluate(EvaluateConfig(str(on_a_raft), levels="train", twins=True, **QUICK))
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_an_agent_is_recorded_with_its_world_and_never_with_actions_of_another_scale(on_a_raft, tmp_path, monkeypatch):
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     player = as_played(on_a_raft)

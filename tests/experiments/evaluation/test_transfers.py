@@ -80,7 +80,6 @@ def test_levels_in_between_end_in_those_of_training_and_of_the_test(trained, cha
     assert summary[name.format("test")] == pytest.approx(of_run[name.format(levels)], abs=1e-9)
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_levels_in_between_have_the_rules_of_training_or_of_the_test_as_their_group_says(trained):
     config = dataclasses.replace(
         trained,

@@ -143,7 +143,6 @@ def test_trials_are_part_of_a_run_s_name_only_where_there_are_several():
         (TaskConfig(f"{__name__}:for_success"), RECURRENT, False),
     ],
 )
-@pytest.mark.usefixtures("plain_source")
 def test_an_agent_that_does_well_not_to_end_trials_is_told(tmp_path, task, algorithm, expected):
     policy = SimpleNamespace(begin=None)  # with a memory
     config = dataclasses.replace(short_run(tmp_path, trials=2), algorithm=algorithm, task=task, observation=PAST)

@@ -36,7 +36,6 @@ def found(levels, options=None, name="state", **more):
     return unseen_entities(prepared), prepared
 
 
-@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize(
     ("levels", "more"), [("different", {}), ("turning", {}), ("still", {"test": f"{HERE}:different"})]
 )
@@ -54,7 +53,6 @@ def test_an_entity_that_differs_or_turns_is_named_with_the_setting_that_shows_it
     assert set(names) == {*hidden, "moon.Phase"}
 
 
-@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize(
     ("levels", "options", "name"),
     [
@@ -129,7 +127,6 @@ def test_of_a_table_the_way_out_is_an_observation_beside_it():
     )
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_a_run_says_which_parameters_its_agent_does_not_see(tmp_path):
     said = []
     run(short_run(tmp_path, levels=LevelsConfig(f"{HERE}:airs", count=2, test_count=2)), said.append)

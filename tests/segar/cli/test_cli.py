@@ -40,6 +40,7 @@ def test_the_legend_names_file_and_line_of_every_rule_in_the_source(capsys, name
     assert unused == set(places) - marked
 
 
+@pytest.mark.compiled
 def test_the_source_that_is_shown_is_the_one_that_runs(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path))
     text = shown(capsys, "kernel", "show", "tilesx1-easy", "--task", "puttputt")

@@ -82,7 +82,6 @@ def test_recorded_actions_on_recorded_levels_give_the_recorded_frames_and_factor
             np.testing.assert_array_equal(value, episode.infos[name][t], err_msg=name)
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_chance_in_rules_is_played_again_as_well(trembling):
     dataset = record("t-v0", trembling, episodes=4, batch=4, max_steps=5, observation="state")
     first, second = dataset[0], dataset[2]
@@ -128,7 +127,6 @@ def test_the_recovered_environment_plays_every_recorded_episode_again(recorded):
         np.testing.assert_array_equal(seen, episode.observations)
 
 
-@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize("trials", [1, 2])
 def test_an_environment_takes_the_place_of_the_one_that_was_recorded(trembling, trials):
     dataset = record(f"t{trials}-v0", trembling, episodes=6, batch=3, max_steps=5, observation="state", trials=trials)
@@ -147,7 +145,6 @@ def test_a_replay_that_differs_says_where(recorded, root):
         check_replay(minari.load_dataset("changed-v0"))
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_a_replay_with_another_task_is_refused(recorded):
     with pytest.raises(segar.SegarError, match=r"another task \(puttputt-squared\)"):
         check_replay(recorded, task=segar.puttputt(impulse=1.0))

@@ -13,7 +13,7 @@ from segar.levels.named_families import family
 from segar.rules import accelerate, move
 from segar.rules.world import World
 from tests.segar.engine.random_rules import Author, mixed_levels
-from tests.segar.engine.worlds import uncompiled
+from tests.segar.engine.worlds import compiled, uncompiled
 
 
 @pytest.fixture(scope="session")
@@ -24,7 +24,7 @@ def sampled() -> Callable[[str], tuple[Simulator, Levels]]:
     def get(name: str) -> tuple[Simulator, Levels]:
         if name not in made:
             levels = family(name).sample(20, seed=3)
-            made[name] = Simulator(World(), levels.layout), levels
+            made[name] = compiled(World(), levels.layout), levels
         return made[name]
 
     return get
@@ -47,4 +47,4 @@ def mixed() -> tuple[Simulator, Levels]:
     """
     levels = mixed_levels(np.random.default_rng(0), small=True)
     author = Author(np.random.default_rng(28))
-    return Simulator(World((move, accelerate, *(author.rule() for _ in range(5)))), levels.layout), levels
+    return compiled(World((move, accelerate, *(author.rule() for _ in range(5)))), levels.layout), levels

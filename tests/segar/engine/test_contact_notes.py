@@ -259,7 +259,6 @@ def mark(a: Tuple[Mass, Velocity, Hits], b: Tuple[Mass, Position]) -> Tuple[SetF
     return SetFactor[Velocity](v, 0.9 * v) if v.norm() > 0.5 else None
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_kernel_and_interpreter_agree_about_notes():
     bodies = [Drum({Position: (0.3, 0.0), ID: "a"}), Drum({Position: (-0.3, 0.0), ID: "b"}), Ball({ID: "c"})]
     levels = level(*bodies)

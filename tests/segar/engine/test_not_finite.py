@@ -10,8 +10,6 @@ from segar import Charge, Differential, GoalTile, GolfBall, Mass, Position, SetF
 from segar.envs import VectorEnv
 from segar.errors import RuleError
 
-PLAIN = pytest.mark.usefixtures("plain_source")
-
 STILL = np.zeros((4, 2), np.float32)
 
 
@@ -39,7 +37,6 @@ def environments(levels, chosen=(0, 1, 0, 1), **options):
     return env
 
 
-@PLAIN
 @pytest.mark.parametrize("rule, factor, value", [(divide, "Mass", "inf"), (fling, "Velocity", "nan")])
 def test_the_first_environment_with_its_entity_factor_and_rule_is_named(rule, factor, value):
     env = environments(levels_of(1.0, 0.0, rules=[rule]))
@@ -50,7 +47,6 @@ def test_the_first_environment_with_its_entity_factor_and_rule_is_named(rule, fa
     assert f"(changed by {rule.where})" in said and "The same holds for 1 other environments" in said
 
 
-@PLAIN
 def test_a_rule_that_was_made_without_a_module_is_named_too():
     names = {"SetFactor": SetFactor, "Mass": Mass, "Charge": Charge, "__name__": None}
     exec("def made(m: Mass, q: Charge) -> SetFactor[Mass]:\n    return SetFactor[Mass](m, m / q)", names)
@@ -70,7 +66,6 @@ def test_a_step_that_went_wrong_is_told_again_until_the_environment_starts_anew(
     assert np.isfinite(env.step(STILL)[1]).all()
 
 
-@PLAIN
 def test_an_entity_that_is_absent_is_no_reason_to_complain():
     ball, goal = GolfBall({Charge: 1.0}), GoalTile({Position: (0.8, 0.8)})
     world = segar.World(rules=[segar.move, divide])
@@ -84,7 +79,6 @@ def test_an_entity_that_is_absent_is_no_reason_to_complain():
         env.step(STILL)
 
 
-@PLAIN
 def test_a_reward_that_is_not_finite_is_told_although_the_state_is():
     def odd_reward(ball: GolfBall) -> float:
         return 1.0 / ball[Charge]
@@ -95,7 +89,6 @@ def test_a_reward_that_is_not_finite_is_told_although_the_state_is():
         env.step(STILL)
 
 
-@PLAIN
 def test_a_conflict_is_told_before_numbers_that_are_not_finite():
     @segar.rule
     def one(m: Mass, q: Charge) -> SetFactor[Mass]:
@@ -110,7 +103,6 @@ def test_a_conflict_is_told_before_numbers_that_are_not_finite():
         env.step(STILL)
 
 
-@PLAIN
 def test_interventions_and_snapshots_with_numbers_that_are_not_finite_are_refused():
     env = environments(levels_of(1.0, 1.0, rules=[]))
     snapshot = env.state()

@@ -1,8 +1,5 @@
 """What the engine's tests share: random states, one comparison, and kernels that run without being compiled."""
 
-import ctypes
-import re
-import types
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +7,7 @@ from unittest import mock
 
 import numpy as np
 
-from segar.engine.compiler.kernel_cache import kernel_path
+from segar.engine.compiler.kernel_cache import load_module
 from segar.engine.simulator import Simulator, State, StepResult
 from segar.errors import ConflictError, RuleError
 from segar.language.factors import (
@@ -30,6 +27,7 @@ from segar.language.factors import (
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
 from segar.rules.world import World
+from tests.plain_kernels import plain_module
 
 
 def start(levels: Levels, copies: int = 1) -> State:
@@ -157,35 +155,16 @@ def after(engine: str, rules: Sequence[Any], levels: Levels, n: int = 1, key: An
     return state
 
 
+def compiled(world: World, layout: Any) -> Simulator:
+    """A simulator whose kernel is compiled, whatever the test that asks for it."""
+    with mock.patch("segar.engine.simulator.load_module", load_module):
+        return Simulator(world, layout)
+
+
 def uncompiled(world: World, layout: Any, task: Any = None) -> Simulator:
     """A simulator whose generated source runs as plain Python: slow, but there is nothing to compile."""
     with mock.patch("segar.engine.simulator.load_module", plain_module):
         return Simulator(world, layout) if task is None else Simulator(world, layout, task)
-
-
-PLAIN: dict[str, types.ModuleType] = {}  # by the names that generated modules import them by
-
-
-def plain_module(text: str) -> types.ModuleType:
-    name = kernel_path(text).stem
-    # numpy's scalars divide as numba's error_model="numpy" does; Python's own numbers and math.sqrt would raise.
-    text = text.replace("from numba import njit", "def njit(**_): return lambda function: function")
-    text = text.replace("math.sqrt", "np.sqrt")
-    module = types.ModuleType("plain_kernel")
-    for shared in re.findall(r"^from (k_\w+) import", text, re.M):
-        text = re.sub(rf"^from {shared} import.*$", "", text, flags=re.M)
-        vars(module).update(vars(PLAIN[shared]))
-    PLAIN[name] = module
-    exec(compile(text, "plain_kernel.py", "exec"), module.__dict__)
-    module.table_on = _table_on  # type: ignore[attr-defined]
-    if hasattr(module, "advance"):
-        module.advance = np.errstate(all="ignore")(module.advance)
-    return module
-
-
-def _table_on(sheet: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """What numba's intrinsic of this name gives: the table at the address on the sheet."""
-    return np.ctypeslib.as_array((ctypes.c_float * (rows * columns)).from_address(int(sheet[0]))).reshape(rows, columns)
 
 
 def _step(simulator: Simulator, levels: Levels, state: State, actions: Any, n: int, outcome: StepResult) -> str:

@@ -11,8 +11,6 @@ from segar.envs import Snapshot, VectorEnv
 from segar.errors import LevelError, SegarError
 from segar.language import FloorFriction, Gravity, MaxVelocity, Parameter
 
-pytestmark = pytest.mark.usefixtures("plain_source")
-
 
 class CurrentStrength(Parameter, default=1.0): ...
 

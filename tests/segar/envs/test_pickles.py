@@ -119,7 +119,6 @@ def test_every_observation_goes_on_to_the_bit(observation):
     assert_same(trail(other), trail(env))
 
 
-@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize("render_mode", [None, "rgb_array"])
 def test_a_single_environment_goes_on_to_the_bit(render_mode):
     env = gymnasium.make(
@@ -183,7 +182,7 @@ def test_rules_and_relations_of_a_module_are_themselves_again(way):
 
 
 @WAYS
-def test_worlds_and_tasks_of_closures_behave_as_they_did(way, plain_source):
+def test_worlds_and_tasks_of_closures_behave_as_they_did(way):
     world, task = of_closures(1.5)
     levels = DISTRIBUTION.sample(5, seed=0)
     env = VectorEnv(levels, 3, world=world, task=task, seed=1, max_steps=9)

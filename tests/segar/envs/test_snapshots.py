@@ -46,7 +46,6 @@ def running() -> VectorEnv:
     return env
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_forks_with_equal_actions_are_equal_to_the_bit_though_rules_are_random(running):
     fork = VectorEnv(LEVELS, 4, seed=2, autoreset_mode="Disabled")
     fork.restore(running.state()[[3, 3, 5, 3]])

@@ -107,7 +107,7 @@ def test_actions_are_clipped_to_their_range() -> None:
     np.testing.assert_array_equal(observations[0], observations[1])
 
 
-def test_levels_with_rules_of_their_own_never_run_on_the_default_ones(tmp_path, plain_source) -> None:
+def test_levels_with_rules_of_their_own_never_run_on_the_default_ones(tmp_path) -> None:
     rules = (segar.move, segar.rules.accelerate)
     levels = segar.family("empty-hard").with_rules(rules).sample(3, seed=0)
     levels.save(tmp_path / "levels.npz")
@@ -170,7 +170,6 @@ def test_misspelt_names_get_the_nearest_right_one() -> None:
         segar.puttputt("liner")
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_unit_actions_are_mapped_to_the_range_of_the_task_and_back() -> None:
     task = replace(puttputt(), action_low=(-3.0, 0.5), action_high=(7.0, 1.0))
     levels = segar.family("empty-hard").sample(8, seed=0)
@@ -186,7 +185,6 @@ def test_unit_actions_are_mapped_to_the_range_of_the_task_and_back() -> None:
         assert plain.in_action_space(mapped) is mapped
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_a_task_needs_no_function_but_its_action() -> None:
     def push(ball: segar.GolfBall, action: segar.Action) -> segar.SetFactor[segar.Velocity]:
         return segar.SetFactor[segar.Velocity](ball[segar.Velocity], (action[0], action[1]))
@@ -220,7 +218,6 @@ def fate(ball: segar.GolfBall) -> bool:
     return segar.random.bernoulli(0.5) & (ball[segar.Mass] > 0.0)
 
 
-@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize(
     ("options", "draws"),
     [

@@ -39,7 +39,6 @@ def evaluation_of(returns_train, returns_test, shares=(0.0, 0.0)):
     return segar.evaluation.Evaluation(*results)
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_the_numbers_are_those_of_experiments_for_the_same_agent():
     config = RunConfig(evaluation=EvaluationConfig(episodes=len(TRAIN)))
     theirs = evaluation_figures(evaluate_run(Linear(), Prepared(config), TRAIN, TEST))
@@ -58,7 +57,6 @@ def test_the_numbers_are_those_of_experiments_for_the_same_agent():
     assert {name: theirs[name] for name in ("w2/exact", "w2/reference")} == {f"w2/{m}": v for m, v in found.w2.items()}
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_every_episode_is_that_of_experiments():
     options = environment_options(RunConfig(task=TaskConfig(options={"impulse": 1.0})))
     rows = play_episodes(Linear(), TEST, np.arange(len(TEST)), options, rng=None, seed=5)

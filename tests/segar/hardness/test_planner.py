@@ -121,7 +121,6 @@ def test_plans_depend_on_the_generator_and_on_no_thread(eager_threads):
     assert not np.array_equal(a.actions, c.actions)
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_where_rules_have_chance_the_plan_replays_under_its_own_seed_only():
     dist = segar.family("empty-hard").with_rules([*segar.DEFAULT_RULES, gusts])
     levels = dist.sample(5, seed=0)

@@ -135,7 +135,6 @@ def force(one: Tuple[Position, Mass], other: Tuple[Position, Mass, Acceleration]
 """
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_code_is_graded_where_it_is_trusted(truth):
     trusting = Lab(DISTRIBUTION, world=WORLD, trusted=True)
     options = truth["options"]

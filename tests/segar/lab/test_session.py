@@ -188,7 +188,6 @@ def test_wrong_labs_are_named(wrong, said):
         Lab(DISTRIBUTION, **wrong)
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_worlds_without_a_rule_space_or_with_chance_are_refused():
     @segar.rule
     def tremble(v: segar.Velocity) -> segar.Differential[segar.Velocity]:

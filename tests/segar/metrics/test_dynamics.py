@@ -83,7 +83,6 @@ def small(n: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).normal(0.0, 0.05, (n, 2))
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_a_constant_force_doubled_adds_its_own_path_however_bodies_start():
     still, pull, double, mirrored = worlds("", "pull", "double", "mirrored")
     there = situations(small(8), plays=1)
@@ -132,7 +131,6 @@ def test_the_error_says_how_far_an_estimate_is_from_its_expectation():
     assert np.mean(np.abs(apart) < 2) >= 0.84 and abs(apart.mean()) < 0.5
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_twice_the_gravity_doubles_what_friction_takes():
     """Friction is mu g / m against the velocity, so after n sub-steps the speeds differ by mu g dt n / m until a body rests."""
     angles = np.linspace(0.0, math.tau, 8, endpoint=False)
@@ -203,7 +201,6 @@ def rotate(turn: Turn, speed: Speed) -> Differential[Turn]:
     return Differential[Turn](turn, speed)
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_a_factor_with_a_period_takes_the_shorter_way():
     world = World([rotate])
     entities = [[GolfBall({Position: [-0.5, 0.0]}), GoalTile({Position: [0.5, 0.5]}), Dial({Position: [0.5, 0.0]})]]

@@ -208,7 +208,7 @@ def push(action: segar.Action, v: segar.Velocity) -> segar.Differential[segar.Ve
     return segar.Differential[segar.Velocity](v, (action[0], action[1] + action[2]))
 
 
-def test_previous_actions_are_of_the_environments_task(plain_source):
+def test_previous_actions_are_of_the_environments_task():
     low, high = (-2.0, -1.0, 0.5), (2.0, 1.0, 3.0)
     task = replace(segar.puttputt(), name="three numbers", act=push, action_low=low, action_high=high)
     env = VectorEnv(LEVELS, 2, observation={"past": Stack(PreviousActions(), 2)}, task=task, seed=0)

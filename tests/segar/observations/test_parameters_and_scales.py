@@ -51,7 +51,6 @@ def written(observation: Any, env: VectorEnv) -> Any:
     return out
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_the_simulator_shows_each_level_its_own_parameters_and_the_same_bits_as_after_the_step():
     env = VectorEnv(LEVELS, 12, observation=SHOWN, seed=0, num_threads=2)
     assert simulator_reads(env.observation) is not None

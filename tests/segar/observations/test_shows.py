@@ -89,7 +89,6 @@ def test_a_state_changes_with_a_factor_exactly_if_it_says_that_it_shows_it(obser
     assert is_changed(observation, factor) == observation.shows(factor)
 
 
-@pytest.mark.usefixtures("plain_source")
 @pytest.mark.parametrize("factor", FACTORS, ids=lambda f: f.__name__)
 @pytest.mark.parametrize("observation", FRAMES, ids=range(len(FRAMES)))
 def test_a_frame_does_not_change_with_a_factor_that_it_hides(observation, factor):

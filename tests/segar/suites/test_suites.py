@@ -176,7 +176,6 @@ def test_a_missing_file_and_an_unknown_name_are_told(own, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("plain_source")
 def test_levels_that_the_planner_does_not_solve_are_left_out(tmp_path):
     far = {**OWN, "options": {"max_steps": 20}, "test_levels": 12, "iterations": 1, "samples": 8}
     made = freeze(
@@ -219,7 +218,6 @@ def test_rules_have_names_of_their_own():
     assert len(set(RULES)) == len(RULES) and RULES[0] == "default"
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_slots_that_training_never_fills_have_no_say_in_exact_statistics():
     one = suites.suite("number-more-v1")
     found = segar.metrics.ks(one.train, one.test)

@@ -180,7 +180,6 @@ def test_a_suite_in_which_nothing_differs_says_so(tmp_path):
     assert found.note in str(still)
 
 
-@pytest.mark.usefixtures("plain_source")
 def test_rules_and_textures_have_twins(tmp_path):
     options = {**EASY, "test_levels": 3, "options": {"max_steps": 50}, "samples": 16, "iterations": 2}
     bare = HARD.with_rules([rule for rule in DEFAULT_RULES if rule not in (apply_friction, record_drag)])
