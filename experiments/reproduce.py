@@ -3,6 +3,8 @@
 Every file of ``conf/experiment/`` is an experiment: a grid of runs, transfers of its agents to other levels, a study that
 needs no training. A run that several experiments need is trained once. Finished runs are found by the hash of their
 settings, and interrupted runs are resumed. The command prints a plan first, and the places of tables and report at the end.
+The first time, the smallest scale comes before that, so that there is a report within minutes. Where the plan takes longer
+than ten minutes, its report is made again as runs finish. Until all are there, it says that it is preliminary.
 
   make reproduce-paper SCALE=quick
 
@@ -12,6 +14,7 @@ Settings, as name=value (make: ARGS="name=value ..."):
   dry_run=true               print the plan and run nothing
   processes=N                runs side by side; 0, the default: one per core
   report=false               tables only
+  preview=false              not the smallest scale first, whose report is there within minutes
   imported=[FOLDER]          tables of runs that were made on other machines: they count as done, and are joined in
   ++grids.NAME.grid.counts=[5]  instead of what its file says; what the file says of the scale wins, and is
                              ++grids.NAME.scales.quick.counts=[5]; ++grids.NAME.scales.quick={} adds a scale
@@ -37,12 +40,12 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from segar.experiments.commands.config_store import conf_dir
-from segar.experiments.commands.hydra_app import run_command, to_plain
+from segar.experiments.commands.hydra_app import compose_data, initialized, run_command, to_plain
 from segar.experiments.commands.kernels import choose_kernels
 from segar.experiments.commands.plugin import REPORTS, STUDIES, find_plugin, run_plugin
 from segar.experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished
 from segar.experiments.evaluation.transfers import RunTask
-from segar.experiments.reproduction.experiment_file import PLAN, STUDY, Experiment, chosen_names, experiment_at
+from segar.experiments.reproduction.experiment_file import PLAN, SCALES, STUDY, Experiment, chosen_names, experiment_at
 from segar.experiments.reproduction.imported_results import read_imported_results
 from segar.experiments.reproduction.plan import (
     STUDY_SECONDS,
@@ -77,7 +80,20 @@ from segar.experiments.settings import (
 from segar.experiments.tracking.mlflow_store import is_server
 from segar.experiments.train import train
 
-Work = RunTask | StudyTask
+SMALLEST, PREVIEW = SCALES[0], "preview"  # the scale of a first report, and the folder of its runs within the root
+PAGE = "report.html"
+INTERIM = (0.25, 0.5, 0.75)  # parts of the expected time after which the report is made again
+LONG = 600.0  # [s] a plan that takes longer is worth reports in between
+
+
+@dataclass(frozen=True)
+class ReportTask:
+    """Tables and report of a results folder, of the runs that are finished when its turn comes."""
+
+    folder: Path
+
+
+Work = RunTask | StudyTask | ReportTask
 
 
 @dataclass(frozen=True)
@@ -92,6 +108,7 @@ class ReproduceConfig:
     imported: tuple[str, ...] = ()  # folders with tables of runs that were made on other machines
     dry_run: bool = False  # print the plan, and run nothing
     report: bool = True  # have the plug-in "report" write the claims, figures, page and PDF
+    preview: bool = True  # carry out the smallest scale first, where there is no report yet
     study: Mapping[str, Any] = field(default_factory=dict)  # what a file of segar study says; empty: the paper's
 
     def __post_init__(self) -> None:
@@ -175,10 +192,44 @@ def reproduce(
         one.run.label(): (one, speeds.seconds(one)) for one in plan.runs if one.run.restart or not one.is_done()
     }
     write_plan(config, plan)
+    if config.report and plan.runs and finish is None:
+        waiting = with_reports(waiting, config.folder, processes)
     failed = do_all(config.folder / "logs", waiting, processes, work or carry_out)
     finished = (finish or tables_and_report)(config, plan)
     if failed or not finished:
         raise TrainingError(failures(failed, len(waiting), finished))
+
+
+def reproduce_with_preview(config: ReproduceConfig) -> None:
+    """:func:`reproduce`; where there is no report yet, the smallest scale first, in a folder of its own."""
+    if config.preview and config.report and not (config.dry_run or config.experiments):
+        with initialized():
+            small = build(compose_data([f"scale={SMALLEST}", "tracking=none"], "reproduce"))
+        run = dataclasses.replace(small.run, root=str(runs_root(config.run) / PREVIEW))
+        small = dataclasses.replace(small, run=run, processes=config.processes)
+        if config.run.scale.name != SMALLEST and not any((one.folder / PAGE).exists() for one in (small, config)):
+            print(f"First the scale {SMALLEST}, for a preliminary report within some minutes (preview=false: not).")
+            reproduce(small)
+            print(
+                f"Preliminary report, whose numbers mean nothing yet: {small.folder / PAGE}\n"
+                f"Now the scale {config.run.scale.name}. The line below its plan says how long it takes, and its report"
+                f" replaces this one: {config.folder / PAGE}"
+            )
+    reproduce(config)
+
+
+def with_reports(
+    waiting: Mapping[str, tuple[Work, float]], folder: Path, processes: int
+) -> dict[str, tuple[Work, float]]:
+    """Tasks with their expected seconds, and where they take long, reports between them."""
+    total, begun, found = sum(seconds for _, seconds in waiting.values()), 0.0, {}
+    due = list(INTERIM) if total / processes > LONG else []
+    for name, (one, seconds) in waiting.items():
+        if due and begun >= due[0] * total:
+            found[f"report-after-{due.pop(0):.0%}"] = ReportTask(folder), 0.0
+        found[name] = one, seconds
+        begun += seconds
+    return found
 
 
 def write_plan(config: ReproduceConfig, plan: ReproductionPlan) -> None:
@@ -212,6 +263,10 @@ def carry_out(work: Work) -> dict[str, float]:
     """
     if isinstance(work, StudyTask):
         run_study(work)
+        return {}
+    if isinstance(work, ReportTask):
+        if not all(run_plugin(REPORTS, name, work.folder) for name in ("tables", "report")):
+            raise TrainingError("the report failed")
         return {}
     choose_kernels(work.run.determinism)
     from segar.experiments.evaluation.transfer_evaluation import evaluate_transfer
@@ -280,7 +335,7 @@ def tables_and_report(config: ReproduceConfig, plan: ReproductionPlan) -> bool:
     done = run_plugin(REPORTS, "tables", config.folder)
     if done and config.report and plan.runs:
         done = run_plugin(REPORTS, "report", config.folder)
-    elif done and (folder_report := config.folder / "report.html").exists():
+    elif done and (folder_report := config.folder / PAGE).exists():
         print(
             f"note: {folder_report}, claims and figures beside it are of the tables before these; report=true renews them"
         )
@@ -351,7 +406,7 @@ def experiment_files() -> dict[str, dict[str, Any]]:
 
 def main() -> None:
     """The command."""
-    run_command(reproduce, "reproduce", build, SETTINGS, help_text)
+    run_command(reproduce_with_preview, "reproduce", build, SETTINGS, help_text)
 
 
 if __name__ == "__main__":

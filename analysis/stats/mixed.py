@@ -62,9 +62,9 @@ def mixed_model(
     """
     groupings = [(one,) if isinstance(one, str) else tuple(one) for one in random]
     require(table, y, *x, *(name for names in groupings for name in names))
+    if len(table) < len(x) + 3:
+        raise SegarError(f"{len(table)} runs are too few for a model with {len(x)} terms")
     data, terms = model_table(table, y, x, log, standardise)
-    if len(data) < len(terms) + 3:
-        raise SegarError(f"{len(data)} runs are too few for a model with {len(terms)} terms")
     parts, effects = {}, []
     for k, names in enumerate(groupings):
         data[f"g{k}"] = pd.Categorical(keys(table, names))

@@ -1,11 +1,23 @@
 """What was planned and is not in the tables, with what it would cost."""
 
+from segar.analysis.report.captions import TEXTS
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.claims.planned import hours_of_one
 from segar.analysis.report.document.blocks import Block, Heading, Paragraph, Table
 from segar.analysis.report.number_format import plain
+from segar.analysis.report.results import Results
+from segar.experiments.reproduction.experiment_file import PLAN, SCALES
 
 MOST_NAMED = 8  # where experiments have no names
+
+
+def preliminary(results: Results) -> list[Block]:
+    """A mark of what is not to be believed yet: the smallest scale, and a reproduction that is not finished."""
+    if results.scale == SCALES[0]:
+        return [Paragraph(TEXTS["smallest"], "warning")]
+    if (results.folder / PLAN).exists() and len(results.missing):
+        return [Paragraph(TEXTS["unfinished"].format(missing=len(results.missing)), "warning")]
+    return []
 
 
 def what_is_missing(evidence: Evidence) -> list[Block]:

@@ -25,7 +25,7 @@ from segar.analysis.report.document.blocks import (
     Verdict,
 )
 from segar.analysis.report.document.files import as_block
-from segar.analysis.report.document.missing import what_is_missing
+from segar.analysis.report.document.missing import preliminary, what_is_missing
 from segar.analysis.report.number_format import listed, p_value, plain
 from segar.analysis.report.results import optional
 from segar.analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
@@ -49,6 +49,7 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
 
     there = len(evidence.ungated.main) > 0
     blocks: list[Block] = [
+        *preliminary(evidence.all_results),
         Paragraph(why(evidence, by_name), "lead"),
         *drawn("figure_3a"),
         Tiles(claims),

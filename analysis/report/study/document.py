@@ -9,7 +9,7 @@ from segar.analysis.report.captions import TEXTS
 from segar.analysis.report.claims.claim import Claim
 from segar.analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
 from segar.analysis.report.document.files import as_block
-from segar.analysis.report.document.missing import what_is_missing
+from segar.analysis.report.document.missing import preliminary, what_is_missing
 from segar.analysis.report.document.sections import how_verdicts_are_decided, what_was_run
 from segar.analysis.report.document.tables import means
 from segar.analysis.report.number_format import effect, estimate_text, plain
@@ -51,6 +51,7 @@ def opening(study: Study, claims: Sequence[Claim]) -> Iterator[Block]:
     runs, sets = study.runs, len(set(keys(study.runs, ["panel", "seed"])))
     counts = {"runs": (len(runs), "run"), "panels": (len(study.panels), "panel"), "sets": (sets, "level set")}
     counts |= {"kinds": (len(study.agents), "kind")}
+    yield from preliminary(study.evidence.all_results)
     yield Paragraph(TEXTS["opening"].format(**{name: counted(*one) for name, one in counts.items()}), "lead")
     yield from what_is_missing(study.evidence)
     yield from repeated(runs)

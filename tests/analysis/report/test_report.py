@@ -189,6 +189,22 @@ def test_a_handful_of_runs_is_reported_too(tmp_path, undrawn, runs):
     assert f"{runs} run" in page
 
 
+def test_the_smallest_scale_and_a_reproduction_that_goes_on_are_marked_as_preliminary(tmp_path, undrawn):
+    runs = run_rows(np.random.default_rng(0), "figure_5a", seeds=1, families=("empty",))  # no run of the main grid
+    missing = pd.DataFrame({"run": ["a", "b"], "reason": "not begun", "name": "figure_3a", "experiment": "Gap"})
+    for name, plan, says in (("smoke-1", None, "smallest scale"), ("quick-1", {"scale": "quick"}, "2 runs or tests")):
+        folder = write_results(tmp_path / name, {"runs": runs})
+        missing.to_csv(folder / "missing.csv", index=False)
+        if plan:
+            (folder / "plan.json").write_text(json.dumps(plan))
+        make_report(ReportConfig(str(folder)))
+        page = (folder / "report.html").read_text()
+        assert "<strong>Preliminary.</strong>" in page and says in page
+    (folder / "plan.json").unlink()  # tables that are shipped
+    make_report(ReportConfig(str(folder)))
+    assert "Preliminary" not in (folder / "report.html").read_text()
+
+
 def test_versions_and_seeds_of_the_runs_are_said(tmp_path, undrawn):
     runs = pd.concat([few_runs().assign(seed=seed, commit=f"{seed}" * 40) for seed in (4, 7)], ignore_index=True)
     runs["code"] = np.where(runs["seed"] == 4, "f0u2", "5even")

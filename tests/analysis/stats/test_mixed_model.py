@@ -67,3 +67,9 @@ def test_its_size_is_five_percent_with_panels_and_seeds():
 def test_what_cannot_be_fitted_is_named(arguments, message):
     with pytest.raises(SegarError, match=message):
         mixed_model(grid(rng(0)).assign(one=1.0), "gap", **arguments)
+
+
+@pytest.mark.parametrize("runs", [0, 3])
+def test_too_few_runs_are_said_to_be(runs):
+    with pytest.raises(SegarError, match=f"{runs} runs are too few"):
+        mixed_model(grid(rng(0)).head(runs), "gap", ["w2"])

@@ -1,5 +1,6 @@
 """The reproduction trains what is missing, goes on where it stopped, and names what failed."""
 
+import dataclasses
 import os
 import re
 import shlex
@@ -11,9 +12,18 @@ from pathlib import Path
 import pytest
 
 from segar.experiments.commands.command_line import parse_settings
+from segar.experiments.commands.config_store import register_settings
 from segar.experiments.commands.hydra_app import compose
 from segar.experiments.commands.plugin import REPORTS, STUDIES
-from segar.experiments.reproduce import ReproduceConfig, dashboard, reproduce
+from segar.experiments.reproduce import (
+    SETTINGS,
+    ReportTask,
+    ReproduceConfig,
+    dashboard,
+    reproduce,
+    reproduce_with_preview,
+    with_reports,
+)
 from segar.experiments.reproduction.plan import StudyTask
 from segar.experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read_versions, write_json
 from segar.experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point
@@ -277,3 +287,31 @@ def test_runs_that_are_shipped_are_found_by_their_names_today(tmp_path):
     done = run_module("segar.experiments.reproduce", *asked)
     assert done.returncode == 0, done.stderr
     assert "quick: 51 runs, 51 done, 0 to do" in done.stdout
+
+
+def test_the_smallest_scale_comes_first_where_there_is_no_report(tmp_path, monkeypatch, capsys):
+    carried_out = []
+
+    def pretend_to_report(config):
+        carried_out.append(config.folder)
+        config.folder.mkdir(parents=True, exist_ok=True)
+        (config.folder / "report.html").touch()
+
+    monkeypatch.setattr("segar.experiments.reproduce.reproduce", pretend_to_report)
+    register_settings("reproduce", SETTINGS)
+    config = asked(tmp_path, scale=ScaleConfig(name="quick"))
+    reproduce_with_preview(config)
+    small, whole = carried_out
+    assert small.is_relative_to(tmp_path / "preview") and small.name.startswith("smoke-") and whole == config.folder
+    assert f"{small}/report.html" in capsys.readouterr().out
+    reproduce_with_preview(config)
+    reproduce_with_preview(dataclasses.replace(config, preview=False))
+    assert carried_out[2:] == [whole, whole]
+
+
+def test_long_plans_have_reports_between_their_runs(tmp_path):
+    short, long = ({f"run {k}": (k, seconds) for k in range(8)} for seconds in (60.0, 600.0))
+    assert with_reports(short, tmp_path, 2) == short
+    found = with_reports(long, tmp_path, 2)
+    reports = [k for k, (one, _) in enumerate(found.values()) if one == ReportTask(tmp_path)]
+    assert reports == [2, 5, 8] and {name: one for name, one in found.items() if name in long} == long
