@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torchrl.objectives import SoftUpdate
-from torchrl.objectives.common import LossModule
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from segar.envs import VectorEnv
 from segar.experiments.collection.collector import action_size, figures_at_end, mean_figures, observation_shape
@@ -31,10 +30,12 @@ class OffPolicy(ABC):
         self.shape, self.actions = observation_shape(env), action_size(env)
         self.policy: Any = self.make_policy(config, self.shape, self.actions)
         self.loss: Any = self.make_loss()
-        self.optimizer = torch.optim.Adam(self.loss.parameters(), lr=config.learning_rate, fused=True)
-        self.targets = [
-            SoftUpdate(part, tau=config.tau) for part in self.loss.modules() if isinstance(part, LossModule)
-        ]
+        weights = dict(self.loss.named_parameters())
+        learned = [weight for weight in weights.values() if weight.requires_grad]
+        self.optimizer = torch.optim.Adam(learned, lr=config.learning_rate, fused=True)
+        self.targets = {name: weight for name, weight in weights.items() if name.startswith("target_")}
+        self.sources = [weights[name.removeprefix("target_")] for name in self.targets]
+        self.follow: Any = get_ema_multi_avg_fn(1 - config.tau)
         self.replay = Replay(config.capacity, config.num_envs, self.rng, self.device)
         self.frames = 0
         self.current, _ = env.reset()
@@ -50,8 +51,9 @@ class OffPolicy(ABC):
         """The network that acts: ``forward(observation)`` gives ``loc``, ``scale``, each [n, actions]."""
 
     @abstractmethod
-    def make_loss(self) -> LossModule:
-        """Draws the weights of the policy and of all other networks; returns the loss that owns them."""
+    def make_loss(self) -> nn.Module:
+        """Draws the weights of the policy and of all other networks; returns the loss that owns them. Those of a module called
+        ``target_NAME`` follow those of ``NAME``."""
 
     def iterate(self) -> Mapping[str, float]:
         """Takes ``num_steps`` steps in every environment, each followed by its gradient steps; returns means of all figures."""
@@ -105,8 +107,7 @@ class OffPolicy(ABC):
         self.optimizer.zero_grad()
         torch.stack(list(losses.values())).sum().backward()
         self.optimizer.step()
-        for target in self.targets:
-            target.step()
+        self.follow(list(self.targets.values()), self.sources, None)
         return {LOGGED[name]: value.detach() for name, value in figures.items() if name in LOGGED}
 
     def state_dict(self) -> dict[str, Any]:

@@ -1,15 +1,17 @@
-"""Soft actor-critic on states (Haarnoja et al. 2018b): TorchRL's loss and target networks, our replay and loop.
+"""Soft actor-critic on states (Haarnoja et al. 2018b).
 
 Critics bootstrap after every step that did not terminate its episode: the replay holds a truncated episode's last observation.
 """
 
-from typing import Any
+import copy
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
-from tensordict.nn import ProbabilisticTensorDictModule, ProbabilisticTensorDictSequential, TensorDictModule
+from tensordict import TensorDictBase
 from torch import Tensor, nn
-from torchrl.objectives import SACLoss
+from torch.nn import functional as F
 
 from segar.experiments.algorithms.off_policy import OffPolicy
 from segar.experiments.networks.encoders import MLP, initialize
@@ -70,6 +72,76 @@ class SACPolicy(nn.Module):
         return representation_of(self.actor.trunk, observation)
 
 
+class SACLoss(nn.Module):
+    """The losses of a policy, of critics with slow copies as their targets, and of the temperature.
+
+    TorchRL's, of the same definition, take a third longer on small networks.
+
+    Args:
+        actor: features -> ``loc``, ``scale``.
+        critics: features and ``u`` -> value [n, 1]; of one architecture, with weights of their own.
+        rng: draws the actions that the losses evaluate.
+        encoder: observations -> features; of the losses, only that of the critics trains it. Its slow copy encodes the next
+            observations for the target critics.
+        augment: what is done to observations first.
+    """
+
+    def __init__(
+        self,
+        config: SACConfig,
+        actor: nn.Module,
+        critics: Sequence[nn.Module],
+        rng: torch.Generator,
+        encoder: nn.Module | None = None,
+        augment: Callable[[Tensor], Tensor] = lambda observation: observation,
+    ) -> None:
+        super().__init__()
+        self.config, self.rng, self.augment = config, rng, augment
+        self.encoder = encoder or nn.Identity()
+        self.actor, self.critics = actor, nn.ModuleList(critics)
+        self.critics_weights = tuple(self.critics.parameters())
+        self.log_alpha = nn.Parameter(torch.tensor(math.log(config.temperature)))
+        self.target_encoder = copy.deepcopy(self.encoder).requires_grad_(False)
+        self.target_critics = copy.deepcopy(self.critics).requires_grad_(False)
+
+    def forward(self, batch: TensorDictBase) -> dict[str, Tensor]:
+        """``loss_qvalue``, ``loss_actor``, ``loss_alpha``, ``alpha`` and ``entropy`` of a batch of steps [n], with
+        ``observation``, ``u`` and, under ``next``, ``observation``, ``reward`` and ``terminated`` [n, 1]."""
+        now, following = self.augment(batch["observation"]), self.augment(batch["next", "observation"])
+        features, alpha = self.encoder(now), self.log_alpha.detach().exp()
+        with torch.no_grad():
+            u, log_prob = self.draw(self.encoder(following))
+            value = smallest(self.target_critics, self.target_encoder(following), u) - alpha * log_prob
+            target = batch["next", "reward"] + self.config.gamma * ~batch["next", "terminated"] * value
+        loss_qvalue = torch.stack([F.mse_loss(one(features, batch["u"]), target) for one in self.critics]).sum()
+        features = features.detach()
+        u, log_prob = self.draw(features)
+        for weight in self.critics_weights:  # what is recorded from here on computes no gradients of them
+            weight.requires_grad_(False)
+        loss_actor = (alpha * log_prob - smallest(self.critics, features, u)).mean()
+        for weight in self.critics_weights:
+            weight.requires_grad_(True)
+        surprise = log_prob.detach().mean()
+        return {
+            "loss_qvalue": loss_qvalue,
+            "loss_actor": loss_actor,
+            "loss_alpha": -self.log_alpha * (surprise + self.config.target_entropy),
+            "alpha": alpha,
+            "entropy": -surprise,
+        }
+
+    def draw(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions of the policy: ``u`` [n, actions], and the log-density of ``tanh(u)``, [n, 1]."""
+        loc, scale = self.actor(features)
+        u = loc + scale * torch.randn(loc.shape, generator=self.rng).to(loc.device)
+        return u, SquashedNormal(loc, scale).log_prob(u)[:, None]
+
+
+def smallest(critics: nn.ModuleList, features: Tensor, u: Tensor) -> Tensor:
+    """The smallest of the critics' values of ``tanh(u)``, [n, 1]."""
+    return torch.stack([critic(features, u) for critic in critics]).amin(0)
+
+
 class SAC(OffPolicy):
     """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
@@ -79,60 +151,8 @@ class SAC(OffPolicy):
         return SACPolicy(config, observation_shape, actions)
 
     def make_loss(self) -> SACLoss:
-        """TorchRL's loss, over the policy and two critics."""
-        critics: list[nn.Module] = [Critic(self.config, self.shape[0], self.actions) for _ in range(2)]
+        """The losses of the policy and two critics."""
+        critics = [Critic(self.config, self.shape[0], self.actions) for _ in range(2)]
         for network in (self.policy, *critics):
             initialize(network, self.rng)
-            network.to(self.device)
-        return make_sac_loss(self.config, self.policy.actor, critics, self.rng)
-
-
-def make_sac_loss(
-    config: SACConfig,
-    actor: nn.Module,
-    critics: list[nn.Module],
-    rng: torch.Generator,
-    actor_sees: str = "observation",
-    critics_see: str = "observation",
-) -> SACLoss:
-    """TorchRL's loss on batches with the actor's and the critics' inputs, ``u``, and under ``next`` the inputs, reward and end.
-
-    Args:
-        actor: maps its input to ``loc`` and ``scale``.
-        critics: each maps its input and ``u`` to a value; of one architecture, with weights of their own.
-        rng: draws the actions that the losses evaluate.
-        actor_sees, critics_see: names of the inputs in a batch.
-    """
-    parts: list[Any] = [
-        TensorDictModule(actor, in_keys=[actor_sees], out_keys=["loc", "scale"]),
-        ProbabilisticTensorDictModule(
-            in_keys=["loc", "scale"], out_keys=["u"], distribution_class=_drawing_from(rng), return_log_prob=True
-        ),
-    ]
-    loss = SACLoss(
-        ProbabilisticTensorDictSequential(*parts),
-        [TensorDictModule(one, in_keys=[critics_see, "u"], out_keys=["state_action_value"]) for one in critics],
-        num_qvalue_nets=len(critics),
-        loss_function="l2",
-        alpha_init=config.temperature,
-        target_entropy=config.target_entropy,
-    )
-    loss.make_value_estimator(gamma=config.gamma)
-    _ = loss.target_entropy  # which TorchRL makes a buffer now; a loss without it cannot load a state that has it
-    return loss
-
-
-class _SeededNormal(SquashedNormal):
-    """A squashed Gaussian that draws from a generator of its own instead of torch's global one."""
-
-    def __init__(self, loc: Tensor, scale: Tensor, rng: torch.Generator) -> None:
-        super().__init__(loc, scale)
-        self.rng = rng
-
-    def rsample(self, sample_shape: Any = ()) -> Tensor:
-        noise = torch.randn((*sample_shape, *self.base_dist.loc.shape), generator=self.rng)
-        return self.base_dist.loc + self.base_dist.scale * noise.to(self.base_dist.loc.device)
-
-
-def _drawing_from(rng: torch.Generator) -> Any:
-    return lambda loc, scale: _SeededNormal(loc, scale, rng)
+        return SACLoss(self.config, self.policy.actor, critics, self.rng).to(self.device)

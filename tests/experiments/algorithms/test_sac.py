@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 import torch
 from tensordict import TensorDict
-from torch.nn import functional as F
 
 from segar import family
 from segar.envs.vector import VectorEnv
 from segar.experiments.algorithms.drq import DrQ, DrQPolicy
 from segar.experiments.algorithms.sac import SAC, SACPolicy
-from segar.experiments.networks.encoders import cnn_2022, make_encoder
+from segar.experiments.networks.encoders import cnn_2022
 from segar.experiments.settings import ConfigError, DrQConfig, SACConfig
 from segar.tasks.puttputt_task import puttputt
 
@@ -42,12 +41,8 @@ def toy_batch(width, n=3, seed=1):
     return TensorDict({**before, "next": TensorDict(after, [n])}, [n])
 
 
-def critic_by_hand(weights, k, observation, u):
-    x = torch.cat([observation, u.tanh()], -1)
-    for layer in ("0", "2"):
-        part = weights["module", "trunk", "layers", layer]
-        x = F.relu(F.linear(x, part["weight"][k], part["bias"][k]))
-    return F.linear(x, weights["module", "value", "weight"][k], weights["module", "value", "bias"][k])
+def valued(critics, observation, u):
+    return torch.minimum(*(critic(observation, u) for critic in critics))
 
 
 def test_critics_learn_towards_targets_that_are_those_of_their_definition():
@@ -64,12 +59,11 @@ def test_critics_learn_towards_targets_that_are_those_of_their_definition():
     noise = torch.randn(3, 2, generator=draws)
     u = loc + scale * noise
     density = torch.distributions.Normal(loc, scale).log_prob(u) - torch.log(1 - u.tanh() ** 2)
-    slow, quick = one.loss.target_qvalue_network_params, one.loss.qvalue_network_params
-    ahead = torch.minimum(*(critic_by_hand(slow, k, batch["next", "observation"], u) for k in range(2)))
+    ahead = valued(one.loss.target_critics, batch["next", "observation"], u)
     soft = ahead - one.loss.log_alpha.exp() * density.sum(-1, keepdim=True)
     goes_on = torch.tensor([[1.0], [1.0], [0.0]])
     target = batch["next", "reward"] + one.config.gamma * goes_on * soft
-    errors = [critic_by_hand(quick, k, batch["observation"], batch["u"]) - target for k in range(2)]
+    errors = [critic(batch["observation"], batch["u"]) - target for critic in one.loss.critics]
     expected = sum((error**2).mean() for error in errors)
     torch.testing.assert_close(figures["loss_qvalue"], expected, rtol=1e-4, atol=1e-6)
 
@@ -97,15 +91,13 @@ def test_the_policys_loss_is_that_of_its_definition_and_moves_no_critic():
     loc, scale = one.policy(batch["observation"])
     u = loc + scale * torch.randn(3, 2, generator=draws)
     density = (torch.distributions.Normal(loc, scale).log_prob(u) - torch.log(1 - u.tanh() ** 2)).sum(-1, keepdim=True)
-    worse = torch.minimum(
-        *(critic_by_hand(one.loss.qvalue_network_params, k, batch["observation"], u) for k in range(2))
-    )
+    worse = valued(one.loss.critics, batch["observation"], u)
     expected = (one.config.temperature * density - worse).mean()
     torch.testing.assert_close(figures["loss_actor"], expected, rtol=1e-4, atol=1e-6)
 
     figures["loss_actor"].backward()
     assert all(p.grad is not None for p in one.policy.parameters())
-    assert all(p.grad is None for p in one.loss.qvalue_network_params.values(True, True))
+    assert all(p.grad is None for p in one.loss.critics.parameters())
 
 
 def test_the_temperature_falls_while_the_policy_is_noisier_than_asked_for():
@@ -123,15 +115,14 @@ def test_target_networks_are_the_moving_average_of_networks(config):
     one = learner(dataclasses.replace(config, tau=0.25))
     while len(one.replay) < 8:
         one.step()
-    pairs = [(name.removeprefix("target_"), name) for part in one.targets for name in part._target_names]
-    for loss, (source, target) in zip([t.loss_module for t in one.targets], pairs, strict=True):
-        expected = getattr(loss, target).clone()
-        for _ in range(3):
-            one.update()
-            expected = expected.apply(lambda slow, quick: torch.lerp(slow, quick, 0.25), getattr(loss, source).detach())
-        for key, value in getattr(loss, target).items(True, True):
-            torch.testing.assert_close(value, expected[key])
-            assert not torch.equal(value, getattr(loss, source)[key])
+    expected = [target.clone() for target in one.targets.values()]
+    for _ in range(3):
+        one.update()
+        expected = [torch.lerp(slow, quick, 0.25) for slow, quick in zip(expected, one.sources, strict=True)]
+    assert {name.split(".")[0] for name in one.targets} >= {"target_critics"}
+    for slow, target, quick in zip(expected, one.targets.values(), one.sources, strict=True):
+        torch.testing.assert_close(target, slow)
+        assert not torch.equal(target, quick)
 
 
 def test_what_is_remembered_is_what_a_plain_environment_does(monkeypatch):
@@ -183,42 +174,49 @@ def test_losses_reach_exactly_whom_they_should_behind_a_cnn():
     one = learner(FRAMES)
     while len(one.replay) < 4:
         one.step()
-    heads = one.loss.heads
+    loss = one.loss
     parts = {
-        "cnn": list(one.loss.encoder_params.values(True, True)),
-        "policy": list(heads.actor_network_params.values(True, True)),
-        "critics": list(heads.qvalue_network_params.values(True, True)),
-        "temperature": [heads.log_alpha],
-        "targets": [
-            *one.loss.target_encoder_params.values(True, True),
-            *heads.target_qvalue_network_params.values(True, True),
-        ],
+        "cnn": list(loss.encoder.parameters()),
+        "policy": list(loss.actor.parameters()),
+        "critics": list(loss.critics.parameters()),
+        "temperature": [loss.log_alpha],
+        "targets": [*loss.target_encoder.parameters(), *loss.target_critics.parameters()],
     }
     expected = {"loss_qvalue": {"cnn", "critics"}, "loss_actor": {"policy"}, "loss_alpha": {"temperature"}}
-    for loss, reached in expected.items():
-        one.loss.zero_grad(set_to_none=True)
-        one.loss(one.replay.sample(4))[loss].backward()
-        moved = {name for name, weights in parts.items() if any(w.grad is not None and w.grad.any() for w in weights)}
-        assert moved == reached, loss
+    for name, reached in expected.items():
+        loss.zero_grad(set_to_none=True)
+        loss(one.replay.sample(4))[name].backward()
+        moved = {part for part, weights in parts.items() if any(w.grad is not None and w.grad.any() for w in weights)}
+        assert moved == reached, name
     assert {id(w) for w in one.policy.parameters()} == {id(w) for name in ("cnn", "policy") for w in parts[name]}
     learned = {id(w) for group in one.optimizer.param_groups for w in group["params"]}
     assert learned == {id(w) for name, weights in parts.items() if name != "targets" for w in weights}
 
 
 def test_what_follows_is_seen_by_the_slow_cnn_for_critics_and_by_the_quick_one_for_the_policy(monkeypatch):
-    monkeypatch.setattr("segar.experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: frames)
+    monkeypatch.setattr("segar.experiments.algorithms.drq.random_shift", lambda frames, **_: frames)
     one = learner(FRAMES)
     for _ in range(3):
         one.iterate()
     batch = one.replay.sample(4)
-    encoded = one.loss.encoded(batch)
-    slow = make_encoder(FRAMES, one.shape)
-    slow.load_state_dict({".".join(k[1:]): v for k, v in one.loss.target_encoder_params.items(True, True)})
-    torch.testing.assert_close(encoded["seen"], one.policy.encoder(batch["observation"]))
-    torch.testing.assert_close(encoded["features"], encoded["seen"])
-    torch.testing.assert_close(encoded["next", "seen"], one.policy.encoder(batch["next", "observation"]))
-    torch.testing.assert_close(encoded["next", "features"], slow(batch["next", "observation"]))
-    assert not torch.equal(encoded["next", "features"], encoded["next", "seen"])
+    seen = {}
+    for name, network in (
+        ("actor", one.loss.actor),
+        ("target", one.loss.target_critics[0]),
+        ("critic", one.loss.critics[0]),
+    ):
+        network.register_forward_pre_hook(
+            lambda _, given, name=name: seen.setdefault(name, []).append(given[0].detach())
+        )
+    one.loss(batch)
+    quick, slow = one.loss.encoder, one.loss.target_encoder
+    now, following = batch["observation"], batch["next", "observation"]
+    wanted = {"actor": [quick(following), quick(now)], "target": [slow(following)], "critic": [quick(now), quick(now)]}
+    assert wanted.keys() == seen.keys()
+    for name, features in wanted.items():
+        for there, expected in zip(seen[name], features, strict=True):
+            torch.testing.assert_close(there, expected)
+    assert not torch.equal(quick(following), slow(following))
 
 
 def test_frames_before_and_after_a_step_are_shifted_by_draws_of_their_own(monkeypatch):
