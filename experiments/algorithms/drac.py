@@ -23,11 +23,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import torch
-from tensordict import TensorDict, TensorDictBase
-from tensordict.nn import TensorDictModule
+from tensordict import TensorDict
 from torch import Tensor, nn
 from torch.distributions import kl_divergence
-from torchrl.objectives import ClipPPOLoss
 
 from segar.envs import VectorEnv
 from segar.experiments.algorithms.ppo import LOGGED, PPO, clipped_loss
@@ -103,21 +101,16 @@ class DrAC(PPO):
             augmented = torch.cat([augment(part, self.config, self.rng) for part in parts])
             yield TensorDict({"steps": steps, "augmented": augmented})
 
-    def losses(self, minibatch: TensorDict) -> TensorDictBase:
+    def losses(self, minibatch: TensorDict) -> dict[str, Tensor]:
         """The figures of PPO's loss, and both terms."""
         parts: Any = minibatch
         steps, augmented = parts["steps"], parts["augmented"]
-        loc, scale, value = self.policy(steps["observation"])
-        figures = self.loss(steps.clone(recurse=False).update({"loc": loc, "scale": scale, "value": value}))
-        changes = changes_under(self.policy, augmented, *(part[: len(augmented)] for part in (loc, scale, value)))
-        for name, change in zip(("loss_policy_change", "loss_value_change"), changes, strict=True):
-            figures[name] = self.config.invariance_coef * change
-        return figures
-
-    def make_loss(self) -> ClipPPOLoss:
-        """TorchRL's clipped loss of what the networks have computed already."""
-        critic = TensorDictModule(nn.Identity(), in_keys=["value"], out_keys=["state_value"])
-        return clipped_loss(self.config, (), critic)
+        found = self.policy(steps["observation"])
+        changes = changes_under(self.policy, augmented, *(part[: len(augmented)] for part in found))
+        return clipped_loss(self.config, steps, *found) | {
+            name: self.config.invariance_coef * change
+            for name, change in zip(("loss_policy_change", "loss_value_change"), changes, strict=True)
+        }
 
     def state_dict(self) -> dict[str, Any]:
         """PPO's state, and what the augmentations were worth."""

@@ -1,4 +1,4 @@
-"""Proximal policy optimisation (Schulman et al. 2017), on TorchRL's clipped loss and advantage estimate.
+"""Proximal policy optimisation (Schulman et al. 2017), on TorchRL's advantage estimate.
 
     segar train algorithm=ppo_fast observation=state levels=objectsx1-easy levels.count=100 \\
         scale.frames=200_000 evaluation.interval=50_000
@@ -19,16 +19,15 @@ alone: all others bootstrap from the value of the next trial's first observation
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from tensordict import TensorDict, TensorDictBase
-from tensordict.nn import ProbabilisticTensorDictModule, ProbabilisticTensorDictSequential, TensorDictModule
 from torch import Tensor, nn
 from torch._dynamo.exc import BackendCompilerFailed
-from torchrl.objectives import ClipPPOLoss
+from torch.nn import functional as F
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from segar.envs import VectorEnv
@@ -42,6 +41,7 @@ from segar.experiments.networks.policies import Actor, SquashedNormal, actions_o
 from segar.experiments.settings import PPOConfig, TrainingError
 from segar.levels import Levels
 
+LEAST_DEVIATION = 1e-6  # of advantages
 # Figures of the loss, and their names in the metrics.
 LOGGED = {
     "loss_objective": "loss/policy",
@@ -67,7 +67,6 @@ class PPO:
         self.policy.to(self.device)
         collector = DeviceCollector if env.runs_on_gpu else AsyncCollector if config.overlap else Collector
         self.collector: Any = collector(env, self.policy, config.num_steps, self.device, self.joins_trials)
-        self.loss = self.make_loss()
         self.figures = compiled(self.losses) if config.compile else self.losses
         self.optimizer = torch.optim.Adam(
             self.policy.parameters(), lr=config.learning_rate, eps=config.adam_eps, fused=True
@@ -109,13 +108,13 @@ class PPO:
         config = self.config
         batch = self.make_batch(rollout)
         self.set_rate(self.optimizer, config.learning_rate)
-        totals: dict[str, Tensor] = {}
+        totals, weights = dict[str, Tensor](), list(self.policy.parameters())
         for minibatch in self.minibatches(batch):
             figures = self.figures(minibatch)
             loss = torch.stack([value for name, value in figures.items() if name.startswith("loss_")]).sum()
             self.optimizer.zero_grad()
             loss.backward()
-            norm = nn.utils.clip_grad_norm_(self.policy.parameters(), config.max_grad_norm)
+            norm = nn.utils.clip_grad_norm_(weights, config.max_grad_norm)
             self.optimizer.step()
             for name, value in (*figures.items(), ("gradient_norm", norm)):
                 totals[name] = totals.get(name, 0.0) + value.detach()
@@ -165,17 +164,9 @@ class PPO:
         for _ in range(self.config.epochs):
             yield from random_parts(batch, self.config.steps_together, self.config.minibatches, self.rng)
 
-    def losses(self, minibatch: TensorDict) -> TensorDictBase:
+    def losses(self, minibatch: TensorDict) -> dict[str, Tensor]:
         """The loss's figures; those named ``loss_...`` add up to what is minimised."""
-        return self.loss(minibatch)
-
-    def make_loss(self) -> ClipPPOLoss:
-        """TorchRL's clipped loss; with a shared encoder its critic is the value head alone, so the encoder runs once."""
-        policy = self.policy
-        encode = TensorDictModule(policy.actor, in_keys=["observation"], out_keys=["loc", "scale", "hidden"])
-        source = "hidden" if policy.shared else "observation"
-        critic = TensorDictModule(policy.value, in_keys=[source], out_keys=["state_value"])
-        return clipped_loss(self.config, (encode,), critic)
+        return clipped_loss(self.config, minibatch, *self.policy(minibatch["observation"]))
 
     def state_dict(self) -> dict[str, Any]:
         """Optimiser, generator, frame counter and the running episodes; the weights are stored beside them."""
@@ -256,42 +247,44 @@ def random_parts(batch: TensorDict, together: int, parts: int, rng: torch.Genera
         yield TensorDict._new_unsafe(chosen_rows, batch_size=rows.shape)
 
 
-def clipped_loss(config: PPOConfig, network: Sequence[Any], critic: TensorDictModule) -> ClipPPOLoss:
-    """TorchRL's clipped loss.
+def clipped_loss(
+    config: PPOConfig, minibatch: TensorDictBase, loc: Tensor, scale: Tensor, value: Tensor
+) -> dict[str, Tensor]:
+    """The clipped loss with a minibatch's advantages normalised, and what tells of the policy's change.
+
+    TorchRL's, whose bits these are, takes as long as the networks (docs/decisions/0040-where-training-loses-its-time.md).
 
     Args:
-        network: modules that write ``loc`` and ``scale`` of the policy.
-        critic: writes ``state_value``; it may read what the network wrote.
+        loc, scale, value: of the policy, at the minibatch's observations.
     """
-    distribution = ProbabilisticTensorDictModule(
-        in_keys=["loc", "scale"], out_keys=["u"], distribution_class=SquashedNormal, return_log_prob=True
-    )
-    parts: list[Any] = [*network, distribution]
-    loss = ClipPPOLoss(
-        ProbabilisticTensorDictSequential(*parts),
-        critic,
-        clip_epsilon=config.clip,
-        clip_value=config.clip_value,
-        entropy_bonus=config.entropy_coef > 0,
-        entropy_coeff=config.entropy_coef,
-        critic_coeff=0.5 * config.critic_coef,
-        loss_critic_type="l2",
-        normalize_advantage=True,
-        log_explained_variance=False,
-        functional=False,  # the parameters stay in the modules: half the overhead per call
-    )
-    if config.clip_value is not None:  # TorchRL makes it a tensor and asks if it is zero, which waits for a GPU
-        del loss.clip_value
-        loss.clip_value = config.clip_value
-    return loss
+    law, advantage = SquashedNormal(loc, scale), minibatch["advantage"]
+    advantage = (advantage - advantage.mean()) / advantage.std().clamp_min(LEAST_DEVIATION)
+    change = (law.log_prob(minibatch["u"]) - minibatch["u_log_prob"])[..., None]
+    clipped = change.clamp(math.log1p(-config.clip), math.log1p(config.clip))
+    gain = torch.stack([change.exp() * advantage, clipped.exp() * advantage], -1).min(-1).values
+    error = F.mse_loss(minibatch["value_target"], value, reduction="none")
+    if config.clip_value is not None:
+        before = minibatch["state_value"]
+        near = before + (value - before).clamp(-config.clip_value, config.clip_value)
+        error = torch.maximum(error, F.mse_loss(minibatch["value_target"], near, reduction="none"))
+    figures = {
+        "loss_objective": -gain.mean(),
+        "loss_critic": (0.5 * config.critic_coef * error).mean(),
+        "kl_approx": -change.detach().mean(),
+        "clip_fraction": (clipped != change).to(change.dtype).mean(),
+    }
+    if config.entropy_coef > 0:
+        entropy = law.entropy()
+        figures |= {"entropy": entropy.detach().mean(), "loss_entropy": (-config.entropy_coef * entropy).mean()}
+    return figures
 
 
-def compiled(function: Callable[[TensorDict], TensorDictBase]) -> Callable[[TensorDict], TensorDictBase]:
+def compiled(function: Callable[[TensorDict], dict[str, Tensor]]) -> Callable[[TensorDict], dict[str, Tensor]]:
     """The function by torch.compile; on a GPU it is replayed as CUDA graphs. Raises :class:`TrainingError` where torch cannot
     compile it."""
     fast = torch.compile(function, mode="reduce-overhead", dynamic=False)
 
-    def call(minibatch: TensorDict) -> TensorDictBase:
+    def call(minibatch: TensorDict) -> dict[str, Tensor]:
         try:
             return fast(minibatch)
         except BackendCompilerFailed as error:

@@ -13,11 +13,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from tensordict import TensorDict, TensorDictBase
-from tensordict.nn import TensorDictModule
+from tensordict import TensorDict
 from torch import Tensor, nn
 from torchrl.modules import GRUModule, LSTMModule, set_recurrent_mode
-from torchrl.objectives import ClipPPOLoss
 
 from segar.envs import VectorEnv
 from segar.experiments.algorithms.ppo import PPO, clipped_loss
@@ -115,18 +113,12 @@ class RecurrentPPO(PPO):
         """The policy's network; its weights are to be drawn or loaded."""
         return RecurrentPolicy(config, observation_shape, actions)
 
-    def make_loss(self) -> ClipPPOLoss:
-        """TorchRL's clipped loss of sequences; policy and critic read the core's output."""
+    def losses(self, minibatch: TensorDict) -> dict[str, Tensor]:
+        """The loss's figures on sequences [n, T]; policy and critic read the core's output."""
         policy: Any = self.policy
-        encode = TensorDictModule(policy.encoder, in_keys=["observation"], out_keys=["phi"])
-        heads = TensorDictModule(policy.heads, in_keys=["hidden"], out_keys=["loc", "scale"])
-        critic = TensorDictModule(policy.value, in_keys=["hidden"], out_keys=["state_value"])
-        return clipped_loss(self.config, (encode, policy.core, heads), critic)
-
-    def losses(self, minibatch: TensorDict) -> TensorDictBase:
-        """The loss's figures on sequences [n, T]."""
         with set_recurrent_mode(True):
-            return self.loss(minibatch)
+            steps = policy.core(minibatch.copy().update({"phi": policy.encoder(minibatch["observation"])}))
+        return clipped_loss(self.config, minibatch, *policy.heads(steps["hidden"]), policy.value(steps["hidden"]))
 
     def make_batch(self, rollout: Rollout) -> TensorDict:
         """PPO's batch [T, N], with marks where memories began, and the memory before the first step."""

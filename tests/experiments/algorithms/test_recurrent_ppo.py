@@ -34,13 +34,9 @@ def test_sequences_give_what_the_steps_of_their_collection_gave(core, trials):
         batch = one.make_batch(rollout)
         rows = TensorDict({key: value.transpose(0, 1) for key, value in batch.items()}, [8, 12])
         with set_recurrent_mode(True), torch.no_grad():
-            law = one.loss.actor_network.get_dist(rows)
-            value = one.policy.value(rows["hidden"])
-        for seen, again in (
-            (rollout.loc, law.base_dist.loc),
-            (rollout.scale, law.base_dist.scale),
-            (rollout.value, value),
-        ):
+            hidden = one.policy.core(rows.update({"phi": one.policy.encoder(rows["observation"])}))["hidden"]
+            found = (*one.policy.heads(hidden), one.policy.value(hidden))
+        for seen, again in zip((rollout.loc, rollout.scale, rollout.value), found, strict=True):
             torch.testing.assert_close(again.transpose(0, 1), seen, atol=1e-5, rtol=1e-5)
         ends += int(rollout.done.sum())
     assert ends > 20
