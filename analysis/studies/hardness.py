@@ -14,9 +14,9 @@ import pandas as pd
 from segar.analysis.studies.baselines import hardness_of
 from segar.analysis.tables import write_csv
 from segar.experiments.commands.command_line import run_from_command_line
-from segar.experiments.levels.conditions import CONDITIONS, conditional_puttputt
 from segar.experiments.levels.variations import vary
 from segar.levels import family
+from segar.tasks import CONDITIONS, conditional_puttputt
 
 PANEL = "empty-hard"
 MOST_WITHOUT_ALL = 2  # so few levels are for trying things out: then one number of conditions is enough

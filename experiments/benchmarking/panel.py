@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 from gymnasium.spaces import Box
+from scipy.stats import betabinom, norm
 
 from segar.envs import Policy, VectorEnv
 from segar.evaluation import Idle, Random, RecordedActions, Scripted
@@ -24,7 +25,7 @@ PANEL = "panel.json"
 FORM = [{"player": str, "must": str, "suite": str, "drawn": float, "right": bool}]
 COMMITMENT, SEED = "panel", 1  # what its levels follow from, and the seed of training levels
 NOISE = 0.3  # share of random actions
-WIDTH = 3  # standard errors that chance may be above its mean
+SURPRISE = norm.sf(3)  # so improbable is more than this by chance
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ def play_panel(task: PanelTask) -> dict[str, float]:
         return drawn_of(piece, Path(), given, play_each(given.levels, policy, played_in)).corrected
 
     chance, planner = given.random / (LEVELS * RANDOM_PLAYS), given.plan.solved.mean()
-    most = WIDTH * (chance * (1 - chance) * (1 + 1 / RANDOM_PLAYS) / LEVELS) ** 0.5 / (planner - chance)
+    by_chance = betabinom(LEVELS, given.random + 0.5, LEVELS * RANDOM_PLAYS - given.random + 0.5)  # levels solved
+    most = (by_chance.isf(SURPRISE) / LEVELS - chance) / (planner - chance)
     lines = []
 
     def add(player: str, must: str, value: float, is_right: Any) -> None:

@@ -14,7 +14,6 @@ import numpy as np
 from segar.cli import load_levels
 from segar.envs import VectorEnv
 from segar.errors import LevelError, RuleError, SegarError, did_you_mean
-from segar.experiments.levels.conditions import conditional_puttputt
 from segar.experiments.levels.rule_sets import levels_of_rule_sets
 from segar.experiments.levels.suite_levels import levels_of_suite, observation_of_suite
 from segar.experiments.levels.variations import vary
@@ -42,7 +41,6 @@ from segar.support import object_name
 from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
-KNOWN_TASKS = {**TASKS, "conditional_puttputt": conditional_puttputt}  # by the names that task.name takes
 RESULT_ENVS = 7  # in which results are tried; no number that arrays have by chance
 INDEPENDENT_SETS = 5  # of training levels; their mean W2 to the test levels is the unit of designs such as w2_x1.2
 
@@ -246,7 +244,7 @@ class Prepared:
         found, chosen = self.train_distribution, config.resolved().task.name
         levels = found if isinstance(found, LevelDistribution | LevelFile) else found.sample(1, seed=0, split="train")
         name = levels.task or DEFAULT_TASK
-        if isinstance(found, LevelFile) and name not in KNOWN_TASKS:
+        if isinstance(found, LevelFile) and name not in TASKS:
             raise ConfigError(
                 f"levels.train: the levels of {found.path} were saved for the task '{name}', which a level file does not hold;"
                 f" give task={name}"
@@ -398,13 +396,13 @@ def check_results(prepared: Prepared, train: Levels, test: Levels) -> list[str]:
                     " or count its calls, so nobody could repeat it. Compute it from the factors alone"
                 )
         env.close()
-    return [] if prepared.task_name in KNOWN_TASKS else list(several)
+    return [] if prepared.task_name in TASKS else list(several)
 
 
 def _find(name: str, options: Mapping[str, Any], group: str, place: str) -> Any:
     """The task or observation that ``name``, which ``place`` states, stands for; a function or class is called with
     ``options``."""
-    known: Mapping[str, Any] = KNOWN_TASKS if group == "task" else OBSERVATIONS
+    known: Mapping[str, Any] = TASKS if group == "task" else OBSERVATIONS
     found = import_object(name, place, group, known)
     if not callable(found):
         if options:

@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
-from segar.experiments.levels.conditions import with_conditions
 from segar.experiments.settings import import_object
 from segar.language import FloorFriction, GolfBall, Gravity, Mass, Parameter
 from segar.levels import LevelDistribution, Prior
 from segar.noise import UniformNoise
 from segar.rules import DEFAULT_RULES, RuleSpace, apply_friction, lorentz_law, lorentz_law_r2, record_drag, templates
+from segar.tasks import with_conditions
 
 Variation = Callable[[LevelDistribution], LevelDistribution]
 

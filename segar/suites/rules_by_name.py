@@ -5,6 +5,7 @@ from functools import cache
 
 from segar.noise import Choice
 from segar.rules import DEFAULT_RULES, RuleSpace, World, apply_friction, record_drag, templates
+from segar.tasks import remembering_world
 
 STILL = (1.0, 0.0)  # probabilities of none and one active option
 
@@ -23,6 +24,7 @@ def _drifting_goal(active: int | Choice, *speeds: float) -> Callable[[], World]:
 
 _MAKERS: Mapping[str, Callable[[], World] | None] = {
     "default": None,
+    "default, and the ball remembers": remembering_world,
     "without friction": _without_friction,
     **{f"dynamics, {by}, {part}": _dynamics(by, part) for by in ("combinations", "rules", "constants")
        for part in ("train", "test")},

@@ -75,6 +75,11 @@ def observation_on(suite: Suite | TrainingSide, side: str, observation: Any = "s
                 f"observation: this {type(given).__name__} shows {factor.__name__}, which the suite {suite.name} hides; give"
                 " StateVector(hidden=suite.hidden), or a name such as 'state'"
             )
+    if _is_about_the_unseen(suite) and any(state.sees_invisible for state in _states_in(given)):
+        raise SuiteError(
+            f"observation: this {type(given).__name__} shows what is invisible, which the suite {suite.name} is about; give"
+            " StateVector(sees_invisible=False), or a name such as 'state'"
+        )
     return given
 
 
@@ -89,10 +94,18 @@ def named_observation(
         if shown not in TEXTURED.values() or "textures" in options:
             raise _no_textures(suite, repr(name))
         return shown, {**options, "textures": suite.textures[SIDES.index(side)]}
-    if not suite.hidden or not name.startswith("state"):
+    if not name.startswith("state"):
+        return name, options
+    if _is_about_the_unseen(suite):
+        options["sees_invisible"] = False
+    if not suite.hidden:
         return name, options
     hidden = (*options.get("hidden", ()), *(factor.__name__ for factor in suite.hidden))
     return name, {**options, "hidden": list(dict.fromkeys(hidden))}
+
+
+def _is_about_the_unseen(suite: Suite | TrainingSide) -> bool:
+    return suite.task.name.startswith("invisiball")
 
 
 def require_free(suite: Suite, options: Iterable[str]) -> None:

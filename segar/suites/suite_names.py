@@ -13,7 +13,7 @@ AXES: Mapping[str, str] = {
     "rules": "which rules hold, with which constants",
     "look": "textures",
     "sight": "what the agent does not see",
-    "goal": "how the goal moves",
+    "goal": "what the goal asks for, and how it moves",
 }
 """In what training and test of a suite differ, and what that is."""
 

@@ -28,7 +28,7 @@ from segar.language import (
 from segar.levels import LevelDistribution, Prior
 from segar.noise import RandomUniformLocation
 from segar.rules import DEFAULT_RULES, World
-from segar.tasks import DEATH_PENALTY, GOAL_DISTANCE, distance, puttputt
+from segar.tasks.puttputt_task import DEATH_PENALTY, GOAL_DISTANCE, distance, puttputt
 
 CONDITIONS = 3
 GOAL_SPEED = 1.0  # [m/s] with the first condition, the ball must be as slow as this at the goal
@@ -70,8 +70,14 @@ def with_conditions(dist: LevelDistribution) -> LevelDistribution:
     """
     numbers = [(Contender if who is GolfBall else who, many) for who, many in dist.numbers]
     sand = (Prior(Position, RandomUniformLocation(), SandTile), Prior(Shape, SAND, SandTile))
-    world = World(rules=[*DEFAULT_RULES, remember_sand], on_contact=[remember_wall])
-    return dataclasses.replace(dist, numbers=(*numbers, (SandTile, 1)), priors=(*dist.priors, *sand), world=world)
+    return dataclasses.replace(
+        dist, numbers=(*numbers, (SandTile, 1)), priors=(*dist.priors, *sand), world=remembering_world()
+    )
+
+
+def remembering_world() -> World:
+    """The default rules, and that the ball remembers which conditions it has met."""
+    return World(rules=[*DEFAULT_RULES, remember_sand], on_contact=[remember_wall])
 
 
 def conditional_puttputt(conditions: int = 1, max_steps: int = 100, sub_steps: int = 5) -> Task:

@@ -8,10 +8,16 @@ from segar.language import Task
 from segar.levels import Levels
 from segar.support import EVERYTHING, made, resolve
 from segar.tasks.billiards_task import billiards
+from segar.tasks.conditional_task import conditional_puttputt
 from segar.tasks.invisiball_task import invisiball
 from segar.tasks.puttputt_task import puttputt
 
-TASKS: dict[str, Callable[..., Task]] = {"puttputt": puttputt, "billiards": billiards, "invisiball": invisiball}
+TASKS: dict[str, Callable[..., Task]] = {
+    "puttputt": puttputt,
+    "billiards": billiards,
+    "invisiball": invisiball,
+    "conditional_puttputt": conditional_puttputt,
+}
 
 
 def make_task(name: str, options: Mapping[str, Any] | None = None, *, trusted: Collection[str] = (EVERYTHING,)) -> Task:

@@ -6,12 +6,12 @@ import pytest
 import segar
 from segar import GoalTile, Gravity, Mass, Position, SandTile
 from segar.experiments.levels.builders import distribution_of, make_levels
-from segar.experiments.levels.conditions import Contender, conditional_puttputt
 from segar.experiments.levels.variations import VARIATIONS, vary
 from segar.experiments.settings import ConfigError, LevelsConfig
 from segar.language import FloorFriction, Order
 from segar.metrics import w2
 from segar.rules import apply_friction, lorentz_law
+from segar.tasks import Contender, conditional_puttputt
 
 
 def levels_of(**settings):

@@ -82,3 +82,13 @@ def test_wrong_arguments_are_told():
 def test_an_id_is_its_suite_whatever_options_are_given(option):
     with pytest.raises(SuiteError, match=rf"the suite place-few-v1 says .* leave {next(iter(option))} out"):
         gymnasium.make("Segar/place-few-v1-train-state", **option)
+
+
+def test_what_is_invisible_is_not_shown_where_a_suite_is_about_it():
+    of = suite("sight-ball-v1")
+    ball = segar.observations.StateVector(entities=["golfball"], sees_invisible=False)
+    env = segar.envs.VectorEnv(num_envs=3, seed=0, **segar.suites.side_options(of, "train", observation=ball))
+    assert env.reset()[0].any() and not env.step(np.zeros((3, 2), np.float32))[0].any()
+    assert not segar.suites.side_options(of, "test")["observation"].sees_invisible
+    with pytest.raises(SuiteError, match="StateVector shows what is invisible"):
+        segar.suites.side_options(of, "train", observation=segar.observations.StateVector())

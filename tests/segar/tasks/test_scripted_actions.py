@@ -10,7 +10,7 @@ from segar import GoalTile, GolfBall, cli
 from segar.envs import Env, VectorEnv
 from segar.errors import SegarError
 from segar.hardness import hardness
-from segar.tasks import TASKS
+from segar.tasks import TASKS, with_conditions
 
 LEVELS = segar.family("empty-easy").sample(3, seed=0)
 
@@ -47,7 +47,8 @@ def test_a_single_environment_and_a_batch_of_one_have_the_same_action():
 
 @pytest.mark.parametrize("name", TASKS)
 def test_the_players_of_built_in_tasks_take_batches_and_single_environments(name):
-    levels = segar.family("billiards" if "billiards" in name else "empty-easy").sample(2, seed=0)
+    of = segar.family("billiards" if "billiards" in name else "empty-easy")
+    levels = (with_conditions(of) if "conditional" in name else of).sample(2, seed=0)
     env = Env(levels, task=TASKS[name](), seed=0)
     env.reset(seed=0)
     single = env.task.scripted_actions(env.factors)
