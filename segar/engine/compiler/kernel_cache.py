@@ -7,6 +7,7 @@ somebody else made ready are read where they are trusted; new ones are kept in t
 import hashlib
 import importlib.util
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
 
@@ -20,6 +21,8 @@ from segar.support import (
     replacing,
     say_where_kept,
 )
+
+YARDSTICK, REPEATS = 850, 5  # numba takes so many times as long as Python's own compiler: 650 to 1,250 in six worlds
 
 _loaded: dict[str, ModuleType] = {}
 
@@ -58,7 +61,8 @@ def load_module(text: str) -> ModuleType:
     exec(compile(text.replace(", cache=True", ""), path, "exec", dont_inherit=True), vars(module))
     if hasattr(module, "advance"):
         if not is_compiled(path):
-            print(f"segar: compiling kernel {name[2:6]} (first time, some 10 s)", file=sys.stderr, flush=True)
+            expected = f"first time, about {expected_seconds(text):.0f} s"
+            print(f"segar: compiling kernel {name[2:6]} ({expected})", file=sys.stderr, flush=True)
         keep_kernel(module.advance)
     else:  # what kernels share: each function is kept by itself
         for function in vars(module).values():
@@ -66,6 +70,14 @@ def load_module(text: str) -> ModuleType:
                 keep_kernel(function)
     _loaded[name] = module
     return module
+
+
+def expected_seconds(text: str) -> float:
+    """How long the compilation of a kernel with this source takes, as fast and as busy as this machine is now [s]."""
+    began = time.perf_counter()
+    for _ in range(REPEATS):
+        compile(text, "yardstick", "exec", dont_inherit=True)
+    return YARDSTICK * (time.perf_counter() - began) / REPEATS
 
 
 def is_compiled(path: Path) -> bool:

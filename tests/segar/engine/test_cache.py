@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -13,7 +14,7 @@ import pytest
 
 from segar.engine.compiler import kernel_cache as cache
 from segar.engine.compiler.kernel import generate
-from segar.engine.compiler.kernel_cache import load_module
+from segar.engine.compiler.kernel_cache import expected_seconds, load_module
 from segar.engine.simulator import Simulator, StepResult
 from segar.errors import SegarError
 from segar.language.effects import SetFactor
@@ -88,7 +89,12 @@ def test_the_same_text_is_one_file_and_one_module(folder, capsys):
     assert {path.name for path in folder.iterdir() if path.suffix != ".py"} <= {"__pycache__"}
     assert capsys.readouterr().err == ""  # what is compiled is told, and only an entry is
     load_module(KERNEL)
-    assert capsys.readouterr().err.count("segar: compiling kernel") == 1
+    assert re.fullmatch(r"segar: compiling kernel \w{4} \(first time, about \d+ s\)\n", capsys.readouterr().err)
+
+
+def test_longer_kernels_are_expected_to_take_longer():
+    short, long = ("".join(f"x{k} = {k}\n" for k in range(n)) for n in (200, 4000))
+    assert 0 < expected_seconds(short) < expected_seconds(long)
 
 
 def test_an_edited_or_damaged_kernel_file_is_written_again(folder, monkeypatch):
