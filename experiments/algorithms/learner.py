@@ -26,9 +26,11 @@ class PolicyNetwork(Protocol):
 
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, actions] for observations [n, ...]; sampled with ``rng``, deterministic where it is None."""
+        ...
 
     def represent(self, observation: np.ndarray) -> np.ndarray:
         """The representation phi, float32 [n, width], that probes read."""
+        ...
 
 
 class Learner(Protocol):
@@ -47,6 +49,7 @@ class Learner(Protocol):
     @staticmethod
     def make_policy(config: AlgorithmConfig, observation_shape: tuple[int, ...], actions: int) -> nn.Module:
         """The policy's network, whose weights a checkpoint can fill; it needs no environment."""
+        ...
 
     def iterate(self) -> Mapping[str, float]:
         """Collects and learns once, and counts ``frames``; returns figures to log.
@@ -54,9 +57,11 @@ class Learner(Protocol):
         Progress shows ``episode/return`` and ``episode/success``, which
         :func:`segar.experiments.collection.collector.mean_figures` computes. A figure that is not finite ends the run.
         """
+        ...
 
     def state_dict(self) -> dict[str, Any]:
         """All that decides the further course, as tensors and plain data: optimiser, counters, generators."""
+        ...
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continues from what :meth:`state_dict` returned."""

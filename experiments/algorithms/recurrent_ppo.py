@@ -118,7 +118,8 @@ class RecurrentPPO(PPO):
         policy: Any = self.policy
         with set_recurrent_mode(True):
             steps = policy.core(minibatch.copy().update({"phi": policy.encoder(minibatch["observation"])}))
-        return clipped_loss(self.config, minibatch, *policy.heads(steps["hidden"]), policy.value(steps["hidden"]))
+        loc, scale = policy.heads(steps["hidden"])
+        return clipped_loss(self.config, minibatch, loc, scale, policy.value(steps["hidden"]))
 
     def make_batch(self, rollout: Rollout) -> TensorDict:
         """PPO's batch [T, N], with marks where memories began, and the memory before the first step."""

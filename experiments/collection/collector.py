@@ -47,6 +47,7 @@ class ActorCritic(Protocol):
 
     def step(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """``loc``, ``scale`` [n, actions], the state's value [n, 1], and the memory [n, memory_width] afterwards."""
+        ...
 
 
 @dataclass

@@ -26,6 +26,7 @@ class Curriculum(Protocol):
     @staticmethod
     def rows_needed(config: Any, num_envs: int) -> int:
         """How many levels of an endless stream environments hold at a time; at least ``num_envs``."""
+        ...
 
     def began(self, row: np.ndarray) -> np.ndarray | None:
         """Episodes begin on these rows, int64; called in the step of the environments in which they do.
@@ -43,9 +44,11 @@ class Curriculum(Protocol):
         Where the settings do not say ``needs_scores``, another rollout may be collected meanwhile, so levels must then be
         left alone here.
         """
+        ...
 
     def state_dict(self) -> dict[str, Any]:
         """All that decides the further choices, as arrays and plain data; levels and weights of the rows are stored beside."""
+        ...
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continues from what :meth:`state_dict` returned."""

@@ -97,6 +97,7 @@ class StepSource(Protocol):
 
     def step(self, actions: np.ndarray, /) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance all rows; return observations, rewards, terminated, truncated, info, as Gymnasium has them."""
+        ...
 
 
 def play(source: StepSource, policy: Policy, start: tuple[Any, dict[str, Any]], trials: int = 1) -> Iterator[TimeStep]:

@@ -43,6 +43,7 @@ class BoundObservation(Protocol):
     @property
     def space(self) -> gymnasium.Space:
         """The space of the observations of a single environment, without the batch axis; a plain attribute will do."""
+        ...
 
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Prepare the environments where ``mask`` (bool ``[env]``) is true, whose states no step led to.
@@ -68,12 +69,14 @@ class Observation(Protocol):
 
     def bind(self, levels: Levels, num_envs: int) -> BoundObservation:
         """Allocate what ``num_envs`` environments on ``levels`` need; nothing is drawn or compiled yet."""
+        ...
 
     def shows(self, factor: type[Factor]) -> bool:
         """Whether the observation may change with the values of this factor, of the entities that it shows.
 
         Where this is false, two states that differ in this factor alone give equal observations.
         """
+        ...
 
 
 @runtime_checkable
@@ -91,6 +94,7 @@ class RunsOnTargets(Protocol):
         Args:
             in_rows: whether calls that draw frames have the rows of frames as things, for targets with thousands of threads.
         """
+        ...
 
 
 ObservationLike: TypeAlias = Observation | str | Sequence[Any] | Mapping[str, Any]
@@ -106,6 +110,7 @@ class DrawsPlanes(Protocol):
 
     def in_planes(self) -> Observation:
         """The same frames with their channels first; bound, it writes into any ``out`` whose ``out[env]`` is contiguous."""
+        ...
 
 
 def _do_nothing(*arguments: Any) -> None:
