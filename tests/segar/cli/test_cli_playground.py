@@ -34,7 +34,7 @@ def landing(max_steps: int = 7) -> segar.Task:
 
 field = dataclasses.replace(
     segar.family("empty-hard"), name="field", task="my_field:landing", parameters={Uplift: segar.UniformNoise(0.0, 2.0)}
-)
+).with_rules([segar.rules.move])
 seeing = StateVector(parameters=["Uplift"], normalise=True)
 """
 OWN = "observation:\n  name: my_lab.seeing:look\n"
