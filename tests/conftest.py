@@ -3,6 +3,7 @@
 import ctypes
 import gc
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,8 @@ def pytest_collection_finish() -> None:
     """What was imported and collected stays: no search for garbage needs to look at it again, and compilers make much."""
     gc.freeze()
     gc.set_threshold(50_000, 20, 20)
+    if torch := sys.modules.get("torch"):
+        torch.set_num_threads(1)  # as in every run: tests side by side would wait for each other's cores
 
 
 def pytest_runtest_teardown(item, nextitem) -> None:

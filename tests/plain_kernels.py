@@ -6,10 +6,13 @@ All others run the source of a world until it has taken longer than :data:`PATIE
 
 import contextlib
 import ctypes
+import fcntl
 import io
 import re
 import time
 import types
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,14 +36,28 @@ class Tried:
 
     def advance(self, *arguments: Any) -> None:
         if self.patience < 0:
-            with contextlib.redirect_stderr(io.StringIO()):
-                self.plain = load_module(self.text)
-            return self.plain.advance(*arguments)
+            with _alone(kernel_path(self.text)) as alone:
+                if alone:
+                    self.advance = load_module(self.text).advance
+                    return self.advance(*arguments)
+            self.patience = PATIENCE  # somebody else compiles it
         began = time.thread_time()
         try:
             self.plain.advance(*arguments)
         finally:
             self.patience -= time.thread_time() - began
+
+
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[bool]:
+    """Whether no other worker compiles a kernel at this time. What is said meanwhile is not heard."""
+    with path.with_suffix(".lock").open("w") as lock, contextlib.redirect_stderr(io.StringIO()):
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
+        else:
+            yield True
 
 
 def tried_module(text: str) -> Any:

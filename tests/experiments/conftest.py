@@ -1,16 +1,10 @@
-"""One thread for torch, as in every run: two tests side by side would otherwise wait for each other's cores; and plug-ins."""
+"""Plug-ins that tests register, and a pool of processes without processes."""
 
 import os
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 
 import pytest
-import torch
-
-
-@pytest.fixture(autouse=True, scope="session")
-def one_torch_thread():
-    torch.set_num_threads(1)
 
 
 class Here(Executor):

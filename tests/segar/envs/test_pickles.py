@@ -154,7 +154,7 @@ def test_a_copy_of_an_environment_goes_its_own_way():
 
 @pytest.mark.parametrize("context", [pytest.param("fork", marks=pytest.mark.slow), "spawn"])
 def test_environments_run_in_processes_of_their_own(context):
-    id_ = "Segar-objectsx1-hard-state-linear-v0"
+    id_ = "Segar-empty-hard-state-v0"
     apart = gymnasium.make_vec(
         id_, num_envs=2, vectorization_mode="async", vector_kwargs={"context": context}, num_levels=5
     )
