@@ -13,6 +13,7 @@ import re
 import shutil
 from collections.abc import Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -123,10 +124,16 @@ def write_environments() -> None:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
     names = [*segar.families(), *TASK_LEVELS]
+    alike = [[*members] for _, members in groupby(names, key=lambda name: name.rpartition("-")[0])]
     with ProcessPoolExecutor() as pool:
-        for name, page in zip(names, pool.map(environment_page, names), strict=True):
-            (FOLDER / f"{name}.md").write_text(page, encoding="utf-8")
+        list(pool.map(write_pages, alike))
     (FOLDER / "index.md").write_text(index_page(names), encoding="utf-8")
+
+
+def write_pages(names: Sequence[str]) -> None:
+    """Write the pages of distributions which share a kernel, one after the other, so that it is compiled once."""
+    for name in names:
+        (FOLDER / f"{name}.md").write_text(environment_page(name), encoding="utf-8")
 
 
 def environment_page(name: str) -> str:
