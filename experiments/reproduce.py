@@ -202,7 +202,7 @@ def reproduce(
 
 def reproduce_with_preview(config: ReproduceConfig) -> None:
     """:func:`reproduce`; where there is no report yet, the smallest scale first, in a folder of its own."""
-    if config.preview and config.report and not (config.dry_run or config.experiments):
+    if config.preview and config.report and not (config.dry_run or config.experiments or config.imported):
         with initialized():
             small = build(compose_data([f"scale={SMALLEST}", "tracking=none"], "reproduce"))
         run = dataclasses.replace(small.run, root=str(runs_root(config.run) / PREVIEW))
