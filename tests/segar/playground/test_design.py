@@ -70,11 +70,16 @@ class Hour(Parameter, default=0.0, period=24.0):
     """The time of the day."""
 
 
-STILL = segar.World(rules=(segar.rules.move,))  # what rules do is not the point, and few are compiled sooner
+# What rules do is not the point, and few are compiled sooner.
+STILL = segar.World(rules=(segar.rules.move,), limit=None, wall_contact=None, pair_contact=None)
 
 
 def family(name: str, n: int, split: str = "train") -> Levels:
     return segar.family(name).sample(n, seed=4, split=split)
+
+
+def still(*family_and_number: Any) -> Levels:
+    return dataclasses.replace(family(*family_and_number), world=STILL)
 
 
 def own(seed: int, n: int, parameters: tuple[type[Parameter], ...], *rest: Callable[[], segar.Entity]) -> Levels:
@@ -103,15 +108,15 @@ def hull(radius: float) -> Tile:
 
 
 PAIRS: dict[str, Callable[[], tuple[Levels, Levels]]] = {
-    "absent things": lambda: (family("objectsx3-hard", 30), family("objectsx3-hard", 18, "test")),
+    "absent things": lambda: (still("objectsx3-hard", 30), still("objectsx3-hard", 18, "test")),
     "many things of a type": lambda: (rack(1), rack(2)),
-    "hulls": lambda: (family("tilesx2-easy", 20), family("hazardtilesx2-hard", 21)),
+    "hulls": lambda: (still("tilesx2-easy", 20), still("hazardtilesx2-hard", 21)),
     "other layouts, periods and own parameters": lambda: (
         own(1, 25, (Mist, Hour), lambda: hull(0.2)),
         own(2, 15, (Hour,), lambda: hull(0.3), lambda: Ball({Mass: 2.0})),
     ),
-    "one level": lambda: (family("empty-hard", 1), family("empty-hard", 7, "test")),
-    "the same levels": lambda: (family("empty-hard", 9), family("empty-hard", 9)),
+    "one level": lambda: (still("empty-hard", 1), still("empty-hard", 7, "test")),
+    "the same levels": lambda: (still("empty-hard", 9), still("empty-hard", 9)),
 }
 SLOW = {"hulls"}
 
@@ -337,7 +342,7 @@ def test_differences_that_no_distance_sees_are_told(chromium: Chromium, tmp_path
 
 
 def test_of_many_levels_the_first_ones_count(chromium: Chromium, tmp_path: Path) -> None:
-    a, b = family("empty-hard", 310), family("empty-hard", 5, "test")
+    a, b = still("empty-hard", 310), still("empty-hard", 5, "test")
     make_playground(a, b, observations=["state"]).save(tmp_path / "page.html")
     chromium.open(tmp_path / "page.html")
     assert measured(chromium) == words(a[:300], b)
@@ -347,7 +352,7 @@ def test_of_many_levels_the_first_ones_count(chromium: Chromium, tmp_path: Path)
 
 
 def test_a_page_of_one_set_has_none_of_this(chromium: Chromium, tmp_path: Path) -> None:
-    make_playground(family("empty-hard", 3), observations=["state"]).save(tmp_path / "page.html")
+    make_playground(still("empty-hard", 3), observations=["state"]).save(tmp_path / "page.html")
     chromium.open(tmp_path / "page.html")
     assert "panel_design.js" not in chromium.run("return Object.keys(window.playground.about.scripts)")
     assert chromium.page.locator(".wide").count() == 0
