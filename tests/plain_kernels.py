@@ -19,10 +19,10 @@ import numpy as np
 
 from segar.engine.compiler.kernel_cache import is_compiled, kernel_path, load_module
 
-PATIENCE = 4.0  # seconds of one world as Python before it is compiled
+PATIENCE = 3.0  # seconds of one world as Python before it is compiled
 
 PLAIN: dict[str, types.ModuleType] = {}  # by the names that generated modules import them by
-TRIED: dict[str, "Tried"] = {}  # by their source
+TRIED: dict[str, Any] = {}  # modules by their source
 
 
 class Tried:
@@ -65,7 +65,9 @@ def tried_module(text: str) -> Any:
     if "def advance(" not in text:  # what kernels share
         plain_module(text)
         return load_module(text)
-    return load_module(text) if is_compiled(kernel_path(text)) else TRIED.setdefault(text, Tried(text))
+    if text not in TRIED:
+        TRIED[text] = load_module(text) if is_compiled(kernel_path(text)) else Tried(text)
+    return TRIED[text]
 
 
 def plain_module(text: str) -> types.ModuleType:

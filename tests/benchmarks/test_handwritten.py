@@ -40,14 +40,17 @@ def play(levels: Levels, state: State, steps: int, rng: np.random.Generator) -> 
     return seen | {"contacts": int(state.contacts.sum()), "unresolved_contacts": int(state.unresolved_contacts.sum())}
 
 
-@pytest.mark.parametrize("name", ["empty-hard", "objectsx3-hard"])
+NAMES = ["empty-hard", pytest.param("objectsx3-hard", marks=pytest.mark.slow)]  # which takes ten seconds to compile
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_both_kernels_play_the_same_episodes(name):
     levels = family(name).sample(60, seed=5)
     seen = play(levels, start(levels, 2), 120, np.random.default_rng(0))
     assert seen["contacts"] > 1000 and seen["success"] > 0
 
 
-@pytest.mark.parametrize("name", ["empty-hard", "objectsx3-hard"])
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("crowding", [1.0, 0.2])
 def test_both_kernels_go_on_alike_from_hostile_states(name, crowding):
     """Overlapping, pinned, immobile, dead, very fast and magnetic bodies, some of them beyond the walls."""
