@@ -75,8 +75,9 @@ def test_what_is_seen_and_played_is_that_of_the_gymnasium_ids_to_the_bit(name, o
         assert env.levels == levels and played.levels == len(levels)
 
 
-def test_the_plans_of_a_suite_score_exactly_1_with_no_regret():
-    of = suite("place-few-v1")
+@pytest.mark.parametrize("name", ["own", pytest.param("place-few-v1", marks=pytest.mark.slow)])
+def test_the_plans_of_a_suite_score_exactly_1_with_no_regret(name, own):
+    of = own if name == "own" else suite(name)
     found = evaluate_on_side(RecordedActions(of.plans.actions), of, "test", scores=True)
     assert (found.score(), found.regret()) == (1.0, 0.0)
 

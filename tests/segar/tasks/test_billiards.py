@@ -104,7 +104,7 @@ def test_kernel_and_interpreter_agree_about_states_in_disorder():
 
 
 def test_each_ball_pays_once_when_it_falls():
-    env = VectorEnv(TABLES, 64, task=billiards("potted"), seed=0)
+    env = VectorEnv(TABLES, 16, task=billiards("potted"), seed=0)
     for policy in (at_random(), by_script(env)):
         played = episodes(env, policy)
         assert np.array_equal(played["return"], played["balls_potted"]) and played["balls_potted"].max() >= 5
@@ -152,7 +152,7 @@ def test_a_cue_ball_that_loses_its_mass_is_dead_and_costs_the_penalty():
 
 
 def test_the_scripted_player_pots_more_than_twice_as_many_as_random_play():
-    env = VectorEnv(TABLES, 64, seed=0)
+    env = VectorEnv(TABLES, 32, task=billiards("potted"), seed=0)
     random, scripted = (episodes(env, policy)["balls_potted"] for policy in (at_random(), by_script(env)))
     assert scripted.mean() > 2 * random.mean() > 0
 

@@ -85,7 +85,7 @@ def test_the_ball_tells_where_it_is_by_what_it_does_to_the_chargers():
 
 
 def test_the_scripted_player_sees_more_than_the_agent_and_arrives():
-    env = VectorEnv(LEVELS, 64, seed=0)
+    env = VectorEnv(LEVELS, 24, seed=0)
     random, scripted = (episodes(env, policy)["success"] for policy in (at_random(), by_script(env)))
     assert scripted.mean() > 0.9 > 0.5 > random.mean()
 
