@@ -203,7 +203,9 @@ def own(name: str, function: Any) -> tuple[type[Scalar], Any]:
     return factor, rule(sets)
 
 
-@pytest.mark.parametrize(("simulator", "of_truths"), [(uncompiled, False), (Simulator, True)])
+@pytest.mark.parametrize(
+    ("simulator", "of_truths"), [(uncompiled, False), pytest.param(Simulator, True, marks=pytest.mark.compiled)]
+)
 def test_what_is_not_refused_is_the_same_in_the_kernel_in_the_interpreter_and_in_python(simulator, of_truths):
     outs = {name: own(name, function) for name, function in RIGHT.items() if ("truth" in name) is of_truths}
     kind = type("Thing", (segar.Ball,), {"__annotations__": {f"out{n}": f for n, (f, _) in enumerate(outs.values())}})

@@ -65,6 +65,7 @@ def test_a_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_bit(index)
 
 
 @pytest.mark.slow
+@pytest.mark.compiled
 @pytest.mark.parametrize("index", range(12))
 def test_a_compiled_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_bit(index):
     levels = charged(family("tilesx2-hard").with_rules(SPACE).sample(12, seed=5))
