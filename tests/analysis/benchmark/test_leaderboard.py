@@ -108,7 +108,11 @@ def test_the_regret_is_that_of_the_plans_that_come_with_the_suite(table):
     assert np.allclose(table["gap"], table["test_return"] - table["train_return"])
 
 
-@pytest.mark.parametrize("name", suites())
+# Admitted by players that are in no ranking (docs/how-to/compare-on-a-suite.md).
+BY_PANEL = {"place-pockets-v1", "sight-ball-v1", "goal-bank-v1", "goal-errand-v1"}
+
+
+@pytest.mark.parametrize("name", [name for name in suites() if name not in BY_PANEL])
 def test_a_reference_agent_learns_every_suite_and_leaves_room(table, name):
     seen = "rgb_stack2" if outline(name)["axis"] == "look" else "state"
     of = table.loc[(table["suite"] == name) & (table["row"] == f"ppo_fast-{seen}-laptop")]
