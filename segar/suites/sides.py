@@ -94,17 +94,17 @@ def named_observation(
         if shown not in TEXTURED.values() or "textures" in options:
             raise _no_textures(suite, repr(name))
         return shown, {**options, "textures": suite.textures[SIDES.index(side)]}
-    if not name.startswith("state"):
-        return name, options
-    if _is_about_the_unseen(suite):
-        options["sees_invisible"] = False
-    if not suite.hidden:
-        return name, options
-    hidden = (*options.get("hidden", ()), *(factor.__name__ for factor in suite.hidden))
-    return name, {**options, "hidden": list(dict.fromkeys(hidden))}
+    if name.startswith("state"):
+        if suite.hidden:
+            hidden = (*options.get("hidden", ()), *(factor.__name__ for factor in suite.hidden))
+            options["hidden"] = list(dict.fromkeys(hidden))
+        if _is_about_the_unseen(suite):
+            options["sees_invisible"] = False
+    return name, options
 
 
 def _is_about_the_unseen(suite: Suite | TrainingSide) -> bool:
+    """Whether the task makes things invisible, which states show unless they are told not to: they have no factor to hide."""
     return suite.task.name.startswith("invisiball")
 
 
