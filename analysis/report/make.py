@@ -25,11 +25,11 @@ from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.reproduction.experiment_file import PLAN
 from segar.experiments.reproduction.imported_results import RUNS
 from segar.experiments.runs.files import read_json
-from segar.experiments.settings import WORKSPACE, RunFolderError, TrackingConfig, require_known
+from segar.experiments.settings import RunFolderError, TrackingConfig, require_known
 from segar.experiments.tracking.mlflow_store import replace_run
-from segar.support import counted
+from segar.support import RESULTS, WORKSPACE, counted
 
-SHIPPED = WORKSPACE / "docs" / "results"
+SHIPPED = RESULTS
 SCALES = ("paper", "standard", "quick", "smoke")  # the largest first
 
 

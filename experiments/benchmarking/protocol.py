@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from segar.errors import did_you_mean
-from segar.experiments.settings import WORKSPACE, ConfigError
+from segar.experiments.settings import ConfigError
 from segar.suites import CORE, Suite, outline, suites
+from segar.support import ROWS
 
 ALL = "all"  # all suites that come with SEGAR
 BUDGETS: Mapping[str, int | None] = {"laptop": 200_000, "server": 5_000_000, "open": None}
@@ -18,7 +19,7 @@ PRIVILEGED = ("script", "planner")
 """Players that know more than a policy may: the true factors, or the simulator."""
 PROTOCOL = 2
 """The version of the protocol by which levels are drawn from what a row is; rows of different ones do not compare."""
-SHIPPED = WORKSPACE / "docs" / "results" / "benchmark"
+SHIPPED = ROWS
 """The folder of the rows that come with SEGAR."""
 ONNX = ".onnx"
 """How names of files of ONNX models end."""

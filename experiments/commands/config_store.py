@@ -20,7 +20,6 @@ from segar.experiments.settings import (
     NO_CURRICULUM,
     OWN_TASK,
     TRACKERS,
-    WORKSPACE,
     AlgorithmConfig,
     ConfigError,
     CurriculumConfig,
@@ -31,6 +30,7 @@ from segar.experiments.settings import (
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OBSERVATIONS
 from segar.suites import outline, suites
+from segar.support import WORKSPACE
 from segar.tasks import TASKS
 
 OWN_CLASSES: Mapping[str, tuple[type[Any], Mapping[str, Any]]] = {

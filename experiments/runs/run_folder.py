@@ -46,7 +46,6 @@ from segar.experiments.runs.files import (
 from segar.experiments.runs.own_modules import folders_of, modules_named, own_packages
 from segar.experiments.runs.trust import settings_of_file, signed
 from segar.experiments.settings import (
-    WORKSPACE,
     ConfigError,
     RunConfig,
     RunFolderError,
@@ -55,7 +54,7 @@ from segar.experiments.settings import (
     run_config,
     without_password,
 )
-from segar.support import content_of
+from segar.support import WORKSPACE, content_of
 
 CONFIG = "config.yaml"
 LONGEST = 2**20  # [bytes] of the settings of a run

@@ -88,7 +88,6 @@ from .run import (
     DIFFICULTIES as DIFFICULTIES,
     OWN_TASK as OWN_TASK,
     TRACKERS as TRACKERS,
-    WORKSPACE as WORKSPACE,
     ActionMode as ActionMode,
     Design as Design,
     Difficulty as Difficulty,

@@ -10,7 +10,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from segar.experiments.settings.algorithms import (
@@ -44,10 +43,6 @@ from segar.levels import TASK_LEVELS, families, family
 from segar.suites import suites
 from segar.support import object_name
 
-WORKSPACE = Path(__file__).resolve().parents[2]
-"""The checkout; of an installed package, the folder in which the command was called."""
-if not (WORKSPACE / "pyproject.toml").is_file():
-    WORKSPACE = Path.cwd()
 ACTION_MODES = ("deterministic", "sampled")  # of evaluation
 TRACKERS = ("mlflow", "none")
 DIFFICULTIES = ("easy", "medium", "hard")

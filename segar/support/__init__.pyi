@@ -75,6 +75,7 @@ from .published import (
     MANIFEST as MANIFEST,
     RESULTS as RESULTS,
     ROWS as ROWS,
+    WORKSPACE as WORKSPACE,
     Published as Published,
     fetch_published as fetch_published,
     read_manifest as read_manifest,

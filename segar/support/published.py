@@ -16,7 +16,11 @@ from segar.support.imports import need
 from segar.support.reading import sha256_of
 
 ADDRESS = "SEGAR_RESULTS_URL"
-RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results"  # of a checkout
+WORKSPACE = Path(__file__).resolve().parents[2]
+"""The checkout; of an installed package, the folder in which the command was called."""
+if not (WORKSPACE / "pyproject.toml").is_file():
+    WORKSPACE = Path.cwd()
+RESULTS = WORKSPACE / "docs" / "results"
 ROWS = RESULTS / "benchmark"  # of the leaderboard
 MANIFEST = "manifest.csv"
 COLUMNS = ("path", "bytes", "sha256", "made_by")

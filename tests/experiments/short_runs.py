@@ -14,7 +14,6 @@ from segar.experiments.algorithms.checkpoint import read_checkpoint
 from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.runs.run_folder import CHECKPOINT, read_episodes, read_metrics
 from segar.experiments.settings import (
-    WORKSPACE,
     EvaluationConfig,
     LevelsConfig,
     PPOConfig,
@@ -22,6 +21,7 @@ from segar.experiments.settings import (
     ScaleConfig,
     TrackingConfig,
 )
+from segar.support import WORKSPACE
 
 FRAMES = 64  # of an iteration
 ITERATIONS = 4

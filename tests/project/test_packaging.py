@@ -69,6 +69,16 @@ def test_a_folder_of_ones_own_called_experiments_is_ones_own(tmp_path):
     assert (run.stdout.strip(), run.stderr) == ("mine mine", "")
 
 
+def test_an_installed_package_finds_the_results_of_the_clone_in_which_it_is_called(wheel, tmp_path):
+    wheel.extractall(tmp_path)
+    code = "import segar, segar.support; print(segar.__file__, segar.support.ROWS, sep='|')"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    run = subprocess.run([sys.executable, "-P", "-c", code], cwd=ROOT, capture_output=True, text=True, env=environment)
+    assert run.stdout.strip() == f"{tmp_path / 'segar' / '__init__.py'}|{ROOT / 'docs' / 'results' / 'benchmark'}", (
+        run.stderr
+    )
+
+
 def test_every_pin_is_exact_or_a_closed_range():
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pins = [line for line in lines if line and not line.startswith("#")]

@@ -22,7 +22,8 @@ from segar.experiments.commands.overrides import VALUE, parse, quoted, single_ru
 from segar.experiments.levels.builders import Prepared, levels_in
 from segar.experiments.reproduction.plan import Speeds, sweep_as_text
 from segar.experiments.runs.run_folder import read_config, run_folders
-from segar.experiments.settings import KINDS, WORKSPACE, ConfigError, as_data, run_config
+from segar.experiments.settings import KINDS, ConfigError, as_data, run_config
+from segar.support import WORKSPACE
 from tests.experiments.short_runs import COMMAND, run_module
 
 SWEEP = """

@@ -13,8 +13,9 @@ from segar.experiments.algorithms.checkpoint import read_checkpoint
 from segar.experiments.commands.hydra_app import compose
 from segar.experiments.runs.journal import read_journal
 from segar.experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, read_summary, run_folders
-from segar.experiments.settings import WORKSPACE, RunConfig, TrackingConfig
+from segar.experiments.settings import RunConfig, TrackingConfig
 from segar.experiments.tracking.mlflow_store import open_store
+from segar.support import WORKSPACE
 from tests.experiments.short_runs import COMMAND, run_module, same_results
 from tests.experiments.tracking.mlflow_server import has_each_figure_once
 from tests.waiting import PATIENCE, until

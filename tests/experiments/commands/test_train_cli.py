@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from segar.experiments.runs.run_folder import read_config, read_summary, run_folders
-from segar.experiments.settings import WORKSPACE
+from segar.support import WORKSPACE
 from tests.experiments.runs.test_run_folder import FILES
 from tests.experiments.short_runs import run_module
 

@@ -19,7 +19,6 @@ from segar.experiments.evaluation.evaluator import evaluate
 from segar.experiments.levels.builders import environment_options
 from segar.experiments.runs.run_folder import read_config
 from segar.experiments.settings import (
-    WORKSPACE,
     ConfigError,
     DrQConfig,
     EvaluateConfig,
@@ -32,6 +31,7 @@ from segar.experiments.settings import (
 )
 from segar.experiments.training.run import run
 from segar.policies import Network, NetworkPolicy
+from segar.support import WORKSPACE
 from tests.experiments.short_runs import short_run
 
 QUICK = {"scores": False, "videos": "none"}

@@ -11,7 +11,8 @@ from segar.experiments.reproduce import SETTINGS, ReproduceConfig, build, experi
 from segar.experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
 from segar.experiments.reproduction.grid import grid_runs
 from segar.experiments.reproduction.plan import make_plan
-from segar.experiments.settings import WORKSPACE, ConfigError, ObservationConfig, RunConfig
+from segar.experiments.settings import ConfigError, ObservationConfig, RunConfig
+from segar.support import WORKSPACE
 
 GOOD = {
     "title": "A grid",

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from segar.experiments.runs.own_files import file_digest
-from segar.experiments.settings import WORKSPACE
+from segar.support import WORKSPACE
 from tests.experiments.short_runs import run_module
 from tests.waiting import until
 

@@ -7,7 +7,7 @@ import pytest
 from segar.experiments.commands.config_store import conf_dir, register_settings
 from segar.experiments.reproduce import SETTINGS, build
 from segar.experiments.reproduction.plan import make_plan
-from segar.experiments.settings import WORKSPACE
+from segar.support import WORKSPACE
 
 
 @pytest.mark.results

@@ -13,9 +13,10 @@ import psutil
 import pytest
 
 from segar.experiments.dashboard import DashboardConfig, require_free, serve, server_command
-from segar.experiments.settings import WORKSPACE, ConfigError, TrackingConfig, TrackingError
+from segar.experiments.settings import ConfigError, TrackingConfig, TrackingError
 from segar.experiments.tracking.mlflow_store import open_store
 from segar.experiments.tracking.mlflow_views import VIEWS, link, tags_of_views
+from segar.support import WORKSPACE
 from tests.waiting import PATIENCE, until
 
 

@@ -14,12 +14,13 @@ import pytest
 from mlflow import MlflowClient
 
 from segar.experiments.runs.run_folder import EPISODES, SUMMARY, is_finished, read_summary, run_folders
-from segar.experiments.settings import WORKSPACE, TrackingConfig, flat
+from segar.experiments.settings import TrackingConfig, flat
 from segar.experiments.tracking.mlflow_store import open_store
 from segar.experiments.tracking.mlflow_sync import read_sync_state, tags_of
 from segar.experiments.tracking.mlflow_views import tags_of_views
 from segar.experiments.training.run import run
 from segar.experiments.upload import UploadConfig, upload
+from segar.support import WORKSPACE
 from tests.experiments.short_runs import COMMAND, before_iteration
 from tests.experiments.tracking.mlflow_server import MLflowServer, has_each_figure_once, in_folder, logged, long_run
 from tests.waiting import PATIENCE, until

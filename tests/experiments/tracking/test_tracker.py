@@ -17,7 +17,7 @@ from mlflow.entities import ViewType
 
 from segar.experiments.runs.executed_code import executed_code
 from segar.experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics, read_played, read_versions
-from segar.experiments.settings import WORKSPACE, LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
+from segar.experiments.settings import LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
 from segar.experiments.tracking import mlflow_store, mlflow_sync
 from segar.experiments.tracking.mlflow_store import is_remote, open_store, store_uri
 from segar.experiments.tracking.mlflow_sync import read_sync_state
@@ -25,6 +25,7 @@ from segar.experiments.tracking.tracker import Tracker, start_tracking
 from segar.experiments.training import run as run_module
 from segar.experiments.training.run import run
 from segar.experiments.upload import UploadConfig, upload
+from segar.support import WORKSPACE
 from tests.experiments.short_runs import Killed, before_iteration, killed_after, same_results, short_run, stop
 from tests.experiments.tracking.mlflow_server import has_each_figure_once
 from tests.synthetic_runs import settings, write_run

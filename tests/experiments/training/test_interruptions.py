@@ -17,8 +17,9 @@ from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.commands.signals import Stopped
 from segar.experiments.runs.journal import read_journal
 from segar.experiments.runs.run_folder import CHECKPOINT, DAMAGED, JOURNAL, PREVIOUS, is_finished, read_metrics
-from segar.experiments.settings import WORKSPACE, CheckpointError, RunFolderError, ScaleConfig, TrainingError
+from segar.experiments.settings import CheckpointError, RunFolderError, ScaleConfig, TrainingError
 from segar.experiments.training.run import run
+from segar.support import WORKSPACE
 from tests.experiments.short_runs import (
     COMMAND,
     FRAMES,

@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from segar.experiments.commands.kernels import LIMITS, PORTABLE
-from segar.experiments.settings import WORKSPACE
 from segar.experiments.settings.processor import lacks_for_portable
+from segar.support import WORKSPACE
 from tests.experiments.training.portable_runs import ALGORITHMS
 
 pytestmark = pytest.mark.skipif(bool(lacks_for_portable()), reason="this processor lacks the portable kernels")

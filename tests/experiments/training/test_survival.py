@@ -11,7 +11,7 @@ import pytest
 
 from segar.experiments.runs.journal import read_journal
 from segar.experiments.runs.run_folder import read_summary
-from segar.experiments.settings import WORKSPACE
+from segar.support import WORKSPACE
 from tests.experiments.short_runs import same_results
 
 pytestmark = pytest.mark.slow
