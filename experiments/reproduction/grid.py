@@ -63,13 +63,19 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
         run = dataclasses.replace(
             cell,
             levels=dataclasses.replace(cell.levels, seed=level_set, variation=variation, design=design),
-            algorithm=base.algorithm if algorithm == BASE else setting("algorithm", algorithm).algorithm,
+            algorithm=base.algorithm if algorithm == BASE else on_device_of(base, setting("algorithm", algorithm).algorithm),
             observation=base.observation if observation == BASE else setting("observation", observation).observation,
             task=base.task if task == BASE else setting("task", task).task,
             scale=dataclasses.replace(scale, frames=frames),
             evaluation=dataclasses.replace(base.evaluation, interval=interval),
         )
         yield with_settings(run, dict(zip(names, varied, strict=True))) if names else run
+
+
+def on_device_of(base: RunConfig, algorithm: Any) -> Any:
+    """The settings of an algorithm with the device of ``base``, which says where all runs of a plan compute."""
+    names = [name for name in ("device", "env_device") if hasattr(base.algorithm, name) and hasattr(algorithm, name)]
+    return dataclasses.replace(algorithm, **{name: getattr(base.algorithm, name) for name in names})
 
 
 def panels_of(families: Sequence[str], difficulties: Sequence[str]) -> Iterable[tuple[str, str]]:

@@ -254,7 +254,8 @@ class RunConfig(Settings):
         """The settings that decide the results, as plain data; where files go or what is printed is not among them.
 
         They are :meth:`resolved`. They are the same on all machines: ``auto`` stays ``auto``, and bfloat16, which it meant
-        when the shipped runs got their names, is called so, too. The run folder says which precision it was.
+        when the shipped runs got their names, is called so, too. So is a GPU called ``cpu``, because where a run was
+        computed is a fact of the run, as its processor is. The run folder says which precision and which device it was.
         """
         data = as_data(self.resolved(), without_later_defaults=True)
         algorithm = {key: value for key, value in data["algorithm"].items() if key not in NAMES_OF_CLASS}
@@ -264,6 +265,9 @@ class RunConfig(Settings):
             parts["levels"][name] = without_folder(parts["levels"][name] or "") or None
         if algorithm.get("precision") == "bf16":
             algorithm["precision"] = "auto"
+        if "device" in algorithm:
+            algorithm["device"] = "cpu"
+        algorithm.pop("env_device", None)
         kind = kind_of(type(self.algorithm))
         return {**parts, "algorithm": {"kind": kind, **algorithm}, "frames": self.scale.frames}
 

@@ -13,6 +13,8 @@ from segar.envs import device_episodes
 from segar.envs.device_episodes import GPU
 from segar.experiments.algorithms import off_policy, ppo
 from segar.experiments.algorithms.checkpoint import newest_checkpoint
+from segar.experiments.reproduction.experiment_file import GridConfig
+from segar.experiments.reproduction.grid import grid_runs
 from segar.experiments.reproduction.process_pool import Job, run_jobs
 from segar.experiments.runs.run_folder import read_summary
 from segar.experiments.settings import (
@@ -158,10 +160,14 @@ def test_settings_that_exclude_each_other_are_refused(kind):
 
 
 @pytest.mark.parametrize("kind", [PPOConfig, SACConfig])
-def test_names_of_runs_stay_and_another_place_of_environments_is_another_run(kind, tmp_path):
-    plain, named, device = (
-        RunConfig(algorithm=kind(device="cuda", **place))
-        for place in ({}, {"env_device": "cpu"}, {"env_device": "cuda"})
-    )
-    assert plain.label() == named.label() != device.label()
-    assert "env_device" not in plain.identity()["algorithm"]
+def test_a_run_has_the_same_name_wherever_it_is_computed(kind):
+    settings = ({}, {"device": "cuda"}, {"device": "cuda:1", "env_device": "cuda"})
+    runs = [RunConfig(algorithm=kind(**place)) for place in settings]
+    assert len({run.label() for run in runs}) == 1
+    assert all("env_device" not in run.identity()["algorithm"] for run in runs)
+
+
+def test_all_runs_of_a_plan_compute_where_its_settings_say():
+    base = RunConfig(algorithm=PPOConfig(device="cuda:1", env_device="cuda"))
+    runs = list(grid_runs(GridConfig(algorithms=("base", "sac", "ppo_fast"), seeds=1), base))
+    assert {(run.algorithm.device, run.algorithm.env_device) for run in runs} == {("cuda:1", "cuda")}
