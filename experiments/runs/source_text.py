@@ -1,9 +1,12 @@
 """What counts of Python source: its syntax tree without docstrings, layout, the order of imports and the texts of errors."""
 
 import ast
+import sys
 from pathlib import Path
 
 from segar.experiments.settings import imported_from
+
+SHOWN_ALIKE = {"show_empty": True} if sys.version_info >= (3, 13) else {}  # Python 3.13 leaves empty lists out
 
 
 def executed(path: Path) -> bytes:
@@ -19,7 +22,8 @@ def executed(path: Path) -> bytes:
 def normalised(content: bytes) -> bytes:
     """The syntax tree of a source without docstrings and without the texts of what it raises, its imports in order of name.
 
-    Of what is no Python, such as a template, the content as it is.
+    It is the same on all versions of Python, of which 3.12 added type parameters. Of what is no Python, such as a
+    template, the content as it is.
     """
     tree = _syntax_tree(content)
     if tree is None:
@@ -30,9 +34,11 @@ def normalised(content: bytes) -> bytes:
         if isinstance(body, list):
             kept = [one for one in body if not (isinstance(one, ast.Expr) and _is_text(one.value))]
             node.body = kept  # type: ignore[attr-defined]
+        if getattr(node, "type_params", None) == []:
+            del node.type_params  # type: ignore[attr-defined]
         if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
             node.exc.args = [argument for argument in node.exc.args if not _is_text(argument)]
-    return ast.dump(tree).encode()
+    return ast.dump(tree, **SHOWN_ALIKE).encode()
 
 
 def nodes_of(path: Path) -> list[ast.AST]:
@@ -53,7 +59,7 @@ def _import_order(statement: ast.stmt) -> str:
     if not isinstance(statement, ast.Import | ast.ImportFrom):
         return "~"
     statement.names.sort(key=lambda alias: (alias.name, alias.asname or ""))
-    return ast.dump(statement)
+    return ast.dump(statement, **SHOWN_ALIKE)
 
 
 def _is_text(node: ast.AST) -> bool:

@@ -1,6 +1,7 @@
 """What a run may be resumed under: the code that it executes, whoever wrote that code, and nothing else."""
 
 import dataclasses
+import hashlib
 import importlib
 import shutil
 import sys
@@ -15,6 +16,7 @@ from segar.experiments.runs import executed_code as module
 from segar.experiments.runs.executed_code import code_after, combined, differing_parts, executed_code, fingerprint
 from segar.experiments.runs.own_files import file_digest
 from segar.experiments.runs.own_modules import modules_reached
+from segar.experiments.runs.source_text import normalised
 from segar.experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, SACConfig
 
 CONFIG = RunConfig(levels=LevelsConfig(train="empty-easy", count=2, test_count=2))
@@ -129,6 +131,11 @@ def test_the_order_of_imports_is_no_code_and_their_names_are(package):
         "from . import parts\nfrom .sums import more as add\nimport os\n\nsize = add(1, 2)\n"
     )
     assert fingerprint("my_lab.mine") != before
+
+
+def test_a_source_is_the_same_code_on_every_version_of_python():
+    source = b"import b, a\n\nclass A(list):\n    def f(self, *args: int) -> None:\n        print(A(), [], end='')\n"
+    assert hashlib.sha256(normalised(source)).hexdigest()[:16] == "132f90aa4bd51624"
 
 
 def test_every_module_that_a_setting_names_counts(package):
