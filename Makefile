@@ -94,8 +94,9 @@ test-slow: $(SLOW_STAMP)
 test-processors: $(STAMP)
 	.ci/processors $(PY) $(ARGS)
 
+test-browser: export SEGAR_BROWSERS ?= required
 test-browser: $(STAMP)
-	SEGAR_BROWSERS=required $(PY) -m pytest -q -m "slow or not slow" tests/segar/playground $(ARGS)
+	$(PY) -m pytest -q -n 2 --dist loadfile -m browser tests/segar/playground $(ARGS)
 
 # In virtual environments of their own.
 test-oldest test-newest:

@@ -39,10 +39,16 @@ COMPILED = tuple(
 )
 
 
+BROWSERS = {"browser", "chromium", "firefox"}  # fixtures; their tests are those of `make test-browser`
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest leaves out what the command does not ask for
 def pytest_collection_modifyitems(items) -> None:
     for item in items:
         if item.nodeid.startswith(COMPILED):
             item.add_marker("compiled")
+        if not BROWSERS.isdisjoint(item.fixturenames):
+            item.add_marker("browser")
     items.sort(key=lambda item: next((k for k, part in enumerate(LONG) if part in item.nodeid), len(LONG)))
 
 
