@@ -68,11 +68,8 @@ def pytest_runtest_teardown(item, nextitem) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item) -> None:
-    """Before its fixtures: whether the worlds of a test are compiled, or run as plain Python at first."""
-    import segar.engine.simulator as simulator
-    from tests.plain_kernels import load_module, tried_module
-
-    simulator.load_module = load_module if item.get_closest_marker("compiled") else tried_module
+    """Before its fixtures: whether the worlds of a test are compiled, or run as plain Python for longer than users wait."""
+    os.environ["SEGAR_PATIENCE"] = "0" if item.get_closest_marker("compiled") else "3"
 
 
 def pytest_sessionfinish(session) -> None:

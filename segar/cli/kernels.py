@@ -137,6 +137,7 @@ def _compile(levels: Levels, task: Task) -> float:
     """Seconds until a step was made with the arrays that environments use, for which numba compiles."""
     start = time.perf_counter()
     simulator = engine.Simulator(world_of(levels), levels.layout, task)
+    simulator.kernel.use_machine_code()
     state = engine.State.empty(1, levels.layout)
     state.values[:] = levels.values[:1]
     simulator.act(state, levels, np.zeros((1, len(task.action_low)), np.float32), engine.StepResult.empty(1))

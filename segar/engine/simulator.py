@@ -8,7 +8,7 @@ import numpy as np
 
 from segar.engine.batch import LevelArrays, State, StepResult
 from segar.engine.compiler.kernel import ARGUMENTS, CONFLICT, STATE_NOT_FINITE, KernelSource, generate
-from segar.engine.compiler.kernel_cache import load_module
+from segar.engine.compiler.running_kernel import running_kernel
 from segar.engine.not_finite import reward_not_finite, state_not_finite
 from segar.engine.runtime.gather import Reads, no_reads
 from segar.errors import ConflictError, RuleError, SegarError
@@ -42,8 +42,7 @@ class Simulator:
         if self.num_threads < 1:
             raise SegarError(f"num_threads must be at least 1, not {self.num_threads}")
         self.source: KernelSource = generate(self.layout, self.world, self.task.functions())
-        load_module(self.source.shared)
-        self._module = load_module(self.source.text)
+        self.kernel = running_kernel(self.source)
         self._level_arrays: tuple[Levels, LevelArrays] | None = None
         self._call: _Call | None = None
         self.team = Team(self.num_threads)
@@ -169,9 +168,9 @@ class _Call:
         self.arrays, self.options = arrays, options
         num_envs, entities, width = state.values.shape
         action_size, self._list_length = len(simulator.task.action_low), simulator.source.list_length
-        self._module = simulator._module
-        self._ledger = self._module.make_ledger(-(-num_envs // PART))
-        self._sheet = self._module.make_sheet()
+        self._kernel, self._steps = simulator.kernel, num_envs * options[0]
+        self._ledger = self._kernel.module.make_ledger(-(-num_envs // PART))
+        self._sheet = self._kernel.module.make_sheet()
         self._team = simulator.team if num_envs > PART else None
         self._scratch = (entities, width, action_size)
         self.actions = np.zeros((num_envs, action_size), np.float32)
@@ -202,16 +201,33 @@ class _Call:
         """One call, by all threads."""
         if seen is not None:
             assert seen.flags.c_contiguous and seen.dtype == np.float32 and len(seen) == len(self.errors)
-            self._sheet = self._module.sheet_with(self._sheet, seen)
+            self._sheet = self._kernel.module.sheet_with(self._sheet, seen)
+        if self._kernel.is_python and self._runs_as_python(seen):
+            return
         if self._team is None:
             self.do(True)
         else:
             self._team.do(self)
 
+    def _runs_as_python(self, seen: np.ndarray | None) -> bool:
+        """:meth:`RunningKernel.steps_as_python`; what a call that ends in an exception has written is taken back."""
+        written = [a for name, a in self._arguments.items() if name.startswith(("state_", "result_", "errors"))]
+        written += [] if seen is None else [seen]
+        before = [array.copy() for array in written]
+        try:
+            return self._kernel.steps_as_python((self._ledger, True, self._sheet, *self._mine), self._steps)
+        except BaseException as error:
+            for array, content in zip(written, before, strict=True):
+                array[...] = content
+            if not isinstance(error, TypeError):
+                raise
+            self._kernel.use_machine_code()  # numpy does not subtract truth values, which machine code does as numbers
+            return False
+
     def do(self, owns: bool) -> None:
         """Take parts of the batch; see :class:`segar.support.threads.Work`."""
-        self._module.advance(self._ledger, owns, self._sheet, *(self._mine if owns else self._bind()))
+        self._kernel.module.advance(self._ledger, owns, self._sheet, *(self._mine if owns else self._bind()))
 
     def dismiss(self) -> None:
         """Make waiting threads leave; see :class:`segar.support.threads.Work`."""
-        self._module.dismiss(self._ledger)
+        self._kernel.module.dismiss(self._ledger)

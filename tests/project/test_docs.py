@@ -28,12 +28,9 @@ LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(#[^)\s]+)?\)")
 NAMES = re.compile(r"^\| `([\w.]+)` \| [^|]* \| (`[^|]*`) \|$", re.M)  # a row of docs/reference/api.md
 TRAINING = ("segar train", "segar study wind.yaml root")  # a bash block with one of them takes minutes
 
-# One process runs all blocks of a page in order; a program is imported once, whichever program imports it first. Worlds are
-# compiled only where that is worth it, as in other tests.
+# One process runs all blocks of a page in order; a program is imported once, whichever program imports it first.
 RUN = """
 import contextlib, importlib, io, json, subprocess, sys
-import segar.engine.simulator, tests.plain_kernels
-segar.engine.simulator.load_module = tests.plain_kernels.tried_module
 printed = {}
 for name in sys.argv[2:]:
     out = io.StringIO()

@@ -47,7 +47,7 @@ def test_the_source_that_is_shown_is_the_one_that_runs(capsys, tmp_path, monkeyp
     (line,) = re.findall(r"^# It lies in (.*) \(not compiled yet\)\.$", text, re.M)
     levels = segar.family("tilesx1-easy").sample(1)
     simulator = segar.engine.Simulator(segar.World(), levels.layout)
-    runs = Path(simulator._module.__file__)  # of another folder, where another test loaded it before
+    runs = Path(simulator.kernel.module.__file__)  # of another folder, where another test loaded it before
     assert Path(line).parent == tmp_path and Path(line).name == runs.name
     assert text.endswith("\n\n" + runs.read_text())
     compile(text, "shown", "exec")

@@ -7,7 +7,7 @@ from unittest import mock
 
 import numpy as np
 
-from segar.engine.compiler.kernel_cache import load_module
+from segar.engine.compiler.running_kernel import PATIENCE, RunningKernel
 from segar.engine.simulator import Simulator, State, StepResult
 from segar.errors import ConflictError, RuleError
 from segar.language.factors import (
@@ -27,7 +27,6 @@ from segar.language.factors import (
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
 from segar.rules.world import World
-from tests.plain_kernels import plain_module
 
 
 def start(levels: Levels, copies: int = 1) -> State:
@@ -157,13 +156,13 @@ def after(engine: str, rules: Sequence[Any], levels: Levels, n: int = 1, key: An
 
 def compiled(world: World, layout: Any) -> Simulator:
     """A simulator whose kernel is compiled, whatever the test that asks for it."""
-    with mock.patch("segar.engine.simulator.load_module", load_module):
+    with mock.patch.dict("os.environ", {PATIENCE: "0"}):
         return Simulator(world, layout)
 
 
 def uncompiled(world: World, layout: Any, task: Any = None) -> Simulator:
     """A simulator whose generated source runs as plain Python: slow, but there is nothing to compile."""
-    with mock.patch("segar.engine.simulator.load_module", plain_module):
+    with mock.patch("segar.engine.simulator.running_kernel", lambda source: RunningKernel(source, float("inf"))):
         return Simulator(world, layout) if task is None else Simulator(world, layout, task)
 
 

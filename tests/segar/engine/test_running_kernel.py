@@ -1,0 +1,114 @@
+"""A world runs as plain Python until another process has compiled it: the same bits all along, and no half steps."""
+
+import hashlib
+import sys
+
+import numpy as np
+import pytest
+
+import segar
+from segar.engine.compiler import running_kernel as module
+from segar.engine.compiler.running_kernel import PATIENCE, RunningKernel
+from segar.envs import VectorEnv
+from segar.errors import SegarError
+from tests.waiting import until
+
+FAMILY = "empty-easy"
+
+
+@pytest.fixture
+def anew(tmp_path, monkeypatch):
+    """Nothing is compiled, and nothing is known of any kernel."""
+    monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(module, "_running", {})
+    monkeypatch.setattr(module, "_plain", {})
+
+
+def env_of(num_envs: int = 40) -> VectorEnv:
+    env = VectorEnv(segar.family(FAMILY).sample(5, seed=0), num_envs, observation="state", seed=0, num_threads=2)
+    env.reset(seed=0)
+    return env
+
+
+def played(env: VectorEnv, steps: int = 30) -> str:
+    found, rng = hashlib.sha256(), np.random.default_rng(0)
+    for _ in range(steps):
+        for part in env.step(rng.uniform(-1, 1, (env.num_envs, 2)).astype(np.float32))[:4]:
+            found.update(np.ascontiguousarray(part).tobytes())
+    return found.hexdigest()
+
+
+def kernel() -> RunningKernel:
+    (found,) = module._running.values()
+    return found
+
+
+def test_machine_code_takes_over_while_episodes_go_on(anew, monkeypatch, capfd):
+    monkeypatch.setenv(PATIENCE, "1e-6")
+    env = env_of()
+    first = played(env)
+    assert kernel().is_python and capfd.readouterr().err.count("compiling kernel") == 1
+    until(lambda: not kernel()._compiler.is_alive())
+    second = played(env)
+    assert not kernel().is_python
+    assert sum(kernel().module.advance.stats.cache_hits.values()) == 1  # another process has compiled it
+    monkeypatch.setenv(PATIENCE, "0")
+    at_once = env_of()
+    assert (played(at_once), played(at_once)) == (first, second)
+
+
+def test_a_short_program_compiles_nothing(anew, monkeypatch, capfd):
+    monkeypatch.setenv(PATIENCE, "1000")
+    played(env_of())
+    assert kernel().is_python and kernel()._compiler is None and not capfd.readouterr().err
+
+
+class Waits(BaseException):
+    pass
+
+
+def waits(_):
+    raise Waits
+
+
+def test_a_step_of_many_environments_waits_for_machine_code(anew, monkeypatch):
+    monkeypatch.setenv(PATIENCE, "1000")
+    monkeypatch.setattr(module, "LONG_STEP", module.RATE * 1e-3)
+    monkeypatch.setattr(RunningKernel, "use_machine_code", waits)
+    with pytest.raises(Waits):
+        played(env_of(), 1)
+
+
+@pytest.mark.parametrize("python", ["", f"{sys.executable}.not-there"])
+def test_where_no_process_can_compile_the_next_step_does(anew, monkeypatch, python):
+    monkeypatch.setenv(PATIENCE, "1e-6")
+    monkeypatch.setattr(sys, "executable", python)
+    monkeypatch.setattr(RunningKernel, "use_machine_code", waits)
+    env = env_of()
+    with pytest.raises(Waits):
+        until(lambda: not played(env, 1))
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, TypeError])
+def test_what_a_step_that_ends_in_an_exception_has_written_is_taken_back(anew, monkeypatch, error):
+    monkeypatch.setenv(PATIENCE, "1000")
+    env, other = env_of(), env_of()
+    expected, advance = played(other, 3), kernel().module.advance
+
+    def broken(*arguments):
+        advance(*arguments)
+        kernel().module.advance = advance
+        raise error
+
+    kernel().module.advance = broken
+    monkeypatch.setattr(RunningKernel, "use_machine_code", lambda self: None)  # numpy subtracts all that this world has
+    if error is KeyboardInterrupt:
+        with pytest.raises(KeyboardInterrupt):
+            played(env, 1)
+    assert played(env, 3) == expected
+
+
+def test_a_patience_that_is_no_number_is_refused(anew, monkeypatch):
+    monkeypatch.setenv(PATIENCE, "long")
+    with pytest.raises(SegarError, match="SEGAR_PATIENCE: 'long' is no number of seconds"):
+        env_of()
