@@ -3,6 +3,7 @@
 ``FOLDER`` is one that segar.experiments.reproduce made, or one of docs/results; only its tables are read. Written there:
 ``report.html``, ``claims.csv``, ``figures/<name>.{svg,png,csv}`` and ``statistics/<name>.csv``. ``pdf=true`` prints the page
 into ``report.pdf``, too, where Chromium is installed. ``only=[figure_3a]`` draws figures and makes nothing else.
+``serve=true`` shows the report that is there in a browser, where a dot of figure 3a opens its agent on its worst test level.
 """
 
 import shlex
@@ -18,6 +19,7 @@ from segar.analysis.report.claims.evidence import GIVEN
 from segar.analysis.report.document.blocks import Picture
 from segar.analysis.report.document.files import PAGE, SUFFIXES, write_document, write_picture
 from segar.analysis.report.paper import paper
+from segar.analysis.report.serve import serve_report
 from segar.analysis.report.study import is_study, study
 from segar.analysis.report.subject import Subject
 from segar.analysis.tables import write_csv
@@ -41,6 +43,8 @@ class ReportConfig:
     out: str | None = None  # None: into that folder
     pdf: bool = False  # print the page into report.pdf, too, which takes Chromium
     only: tuple[str, ...] = ()  # names of figures: these alone are drawn, nothing else is made
+    serve: bool = False  # make nothing; show the page on the loopback address, where dots of runs open their agents
+    port: int = 0  # of that; 0: a free one
     tracking: bool = False  # show the report in the store of MLflow that the plan in the folder names
 
     @property
@@ -76,7 +80,9 @@ def report_results(results: Path) -> None:
 
 
 def report(config: ReportConfig) -> None:
-    """Makes the report and prints what came of it."""
+    """Makes the report and prints what came of it; or serves the one that is there."""
+    if config.serve:
+        return serve_report(config.folder, Path(config.out or config.folder).expanduser().resolve(), config.port)
     made = make_report(config)
     results = made.subject.evidence.results
     print(f"In the report: {counted(len(results.runs), 'run')}. Missing, runs or tests: {len(results.missing)}.")

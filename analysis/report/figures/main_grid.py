@@ -31,7 +31,7 @@ HOLLOW: dict[str, Any] = {"facecolors": "none", "linewidths": 0.9}
 def figure_3a(evidence: Evidence) -> Drawn:
     """The headline: gap against W2, a row per metric, an axes per family; hollow where runs did not learn."""
     main = drawable(evidence.ungated.main, NO_MAIN_GRID)
-    table = pick(main, [*CELL, *MEASURES, "gap_se"]).assign(learned=main["run"].isin(list(evidence.main["run"])))
+    table = pick(main, [*CELL, *MEASURES, "gap_se", "run"]).assign(learned=main["run"].isin(list(evidence.main["run"])))
     return Drawn(gaps_against_w2(evidence, table, "difficulty"), table)
 
 
@@ -75,9 +75,10 @@ def gaps_against_w2(evidence: Evidence, table: pd.DataFrame, group: str, by_grou
                     (filled, {"color": colours[n], **DOT}),
                     (~filled, {**HOLLOW, "edgecolors": colours[n]}),
                 ):
-                    axes.scatter(
+                    dots = axes.scatter(
                         column(cell, x)[rows], column(cell, y)[rows], s=30, marker=markers[name], zorder=3, **look
                     )
+                    dots.set_urls([f"play/{run}" for run in cell["run"][rows]] if "run" in cell else [])
             for name in groups if by_group else ():
                 found = evidence.correlation(select(table, family=family, **{group: name}), x, y)
                 said += [f"{name}: r = {signed(found.estimate)}"] * bool(np.isfinite(found.low))
