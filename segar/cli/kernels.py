@@ -1,6 +1,7 @@
 """``segar families``, ``segar compile``, ``segar kernel``: names, kernels ahead of time and for other targets, and what they
 are made of."""
 
+import os
 import re
 import time
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ from segar.envs import REWARDS, VectorEnv, build_environment, world_of
 from segar.language import Rule, Task
 from segar.levels import TASK_LEVELS, Levels, families
 from segar.observations import OBSERVATIONS
-from segar.support import cache_folder, counted, replacing
+from segar.support import PATIENCE, cache_folder, counted, replacing
 from segar.tasks import puttputt, task_of
 
 NO_LINES = "  (matches nothing here)"
@@ -59,6 +60,7 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
 
     Distributions that differ in nothing but numbers share a kernel, and a row.
     """
+    os.environ[PATIENCE] = "0"
     sharing: dict[Path, list[str]] = {}
     first: dict[Path, tuple[Levels, Task]] = {}
     for name in names or (*families(), *TASK_LEVELS):
@@ -137,7 +139,6 @@ def _compile(levels: Levels, task: Task) -> float:
     """Seconds until a step was made with the arrays that environments use, for which numba compiles."""
     start = time.perf_counter()
     simulator = engine.Simulator(world_of(levels), levels.layout, task)
-    simulator.kernel.use_machine_code()
     state = engine.State.empty(1, levels.layout)
     state.values[:] = levels.values[:1]
     simulator.act(state, levels, np.zeros((1, len(task.action_low)), np.float32), engine.StepResult.empty(1))

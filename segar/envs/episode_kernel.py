@@ -68,7 +68,7 @@ def draw_levels(rows, seed, trials, count, cumulative, episodes, chosen):
         chosen[e] = low
 
 
-@cached(**_options)
+@cached(patient=True, **_options)
 def copy_numbers(values, out):
     """Copy states ``[env, entity, column]``, with 0 where an entity lacks a factor (nan)."""
     for e in range(len(values)):
@@ -77,7 +77,7 @@ def copy_numbers(values, out):
                 out[e, i, c] = values[e, i, c] if values[e, i, c] == values[e, i, c] else 0.0
 
 
-@cached(**_options)
+@cached(patient=True, **_options)
 def count_step(reward, terminated, max_steps, returns, lengths, truncated, ended):
     """Count one step and mark episodes whose time is up; list the environments whose episode ended, return how many."""
     n = 0
@@ -95,7 +95,7 @@ def count_rows(rows, reward, terminated, max_steps, returns, lengths, truncated,
         ended[rows[r]] = count_one(rows[r], reward, terminated, max_steps, returns, lengths, truncated)
 
 
-@cached(**_options)
+@cached(patient=True, **_options)
 def count_one(e, reward, terminated, max_steps, returns, lengths, truncated):
     """Count one step of an environment; return whether its episode ended."""
     lengths[e] += 1

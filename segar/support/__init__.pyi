@@ -12,7 +12,7 @@ from .command_line import (
     Parser as Parser,
     escape_what_cannot_be_printed as escape_what_cannot_be_printed,
 )
-from .compiled import cached as cached, keep_kernel as keep_kernel
+from .compiled import PATIENCE as PATIENCE, cached as cached, keep_kernel as keep_kernel, patience as patience
 from .counter_kernel import (
     GOLDEN as GOLDEN,
     SPACING as SPACING,

@@ -8,12 +8,14 @@ import io
 import os
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, InTreeCacheLocator
 
@@ -21,20 +23,65 @@ from segar.errors import SegarError
 from segar.support.code_folder import MACHINE_CODE, cache_folder, is_trusted, private_cache_folder, say_where_kept
 from segar.support.files import replacing
 
+PATIENCE = (
+    "SEGAR_PATIENCE"  # environment variable: seconds of steps as Python; 0: the first step waits for machine code
+)
+SECONDS = 0.5  # where the variable is not set
+PART = 0.2  # of that: what a function may take
+MOST_NUMBERS = 200_000  # in the arrays of a call as Python
 CHECKED = "-checked"  # ends the names of files with a checksum, so that files without one are left alone
 CHECKSUM_LENGTH = 32  # bytes of SHA-256
 ADVICE = "make room or give access"
 
 
-def cached(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """A decorator: numba's ``njit`` with these options, whose machine code is kept on disk and checked when it is read."""
+def patience() -> float:
+    """How long steps of a new world may take as Python before it is compiled [s].
+
+    Raises:
+        SegarError: the environment variable :data:`PATIENCE` is not a number.
+    """
+    said = os.environ.get(PATIENCE)
+    try:
+        return SECONDS if said is None else float(said)
+    except ValueError:
+        raise SegarError(f"{PATIENCE}: '{said}' is no number of seconds") from None
+
+
+def cached(patient: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """A decorator: numba's ``njit`` with these options, whose machine code is kept on disk and checked when it is read.
+
+    Args:
+        patient: calls on small arrays are plain Python until they have taken some time, as steps of a new world are.
+    """
 
     def decorate(function: Callable[..., Any]) -> Any:
         compiled: Any = njit(**options)(function)
         compiled._cache = CheckedCache(function, of_package=True)
+        if patient:
+            compiled._compile_for_args = _Patient(compiled)
         return compiled
 
     return decorate
+
+
+class _Patient:
+    """What numba calls for a function that it finds not compiled; it then calls what this returns."""
+
+    def __init__(self, compiled: Any) -> None:
+        self._compile, self._cache, self._function = compiled._compile_for_args, compiled._cache, compiled.py_func
+        self._seconds = 0.0  # that it took as Python
+
+    def __call__(self, *arguments: Any) -> Any:
+        numbers = sum(one.size for one in arguments if isinstance(one, np.ndarray))
+        is_due = self._seconds >= PART * patience() or numbers > MOST_NUMBERS or self._cache.is_kept()
+        return self._compile(*arguments) if is_due else self._as_python
+
+    def _as_python(self, *arguments: Any) -> Any:
+        began = time.thread_time()
+        with np.errstate(all="ignore"):
+            found = self._function(*arguments)
+        self._seconds += time.thread_time() - began
+        return found
 
 
 def keep_kernel(compiled: Any) -> None:
@@ -87,6 +134,10 @@ class CheckedCache(FunctionCache):
         if str(ready) != self._cache_path and is_trusted(ready.parent):
             self._cache_file.ready = _CheckedFiles(str(ready), name, stamp)
 
+    def is_kept(self) -> bool:
+        """Whether machine code of the function is on disk, for whatever types."""
+        return self._cache_file.is_there()
+
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             return super()._load_overload(sig, target_context)
@@ -112,6 +163,10 @@ class _CheckedFiles(IndexDataCacheFile):
     _cache_path: str
     _index_path: str
     ready: "_CheckedFiles | None" = None  # where somebody else may have put the same files
+
+    def is_there(self) -> bool:
+        """Whether there is an index, here or where somebody else made it."""
+        return Path(self._index_path).exists() or (self.ready is not None and self.ready.is_there())
 
     def load(self, key: Any) -> Any:
         """What is kept, or what somebody else made ready."""

@@ -1,8 +1,8 @@
 """A world's kernel as it runs: its source as plain Python, to the same bits, until machine code is worth waiting for.
 
 Compiling a kernel takes as long as some 20,000 steps of its source, so the first step of a new world does not wait for it.
-Once steps have taken :data:`PATIENCE` seconds, a process of its own compiles the kernel, and they go on as Python until it is
-done.
+Once steps have taken some time (:func:`segar.support.patience`), a process of its own compiles the kernel, and they go on as
+Python until it is done.
 """
 
 import ctypes
@@ -24,13 +24,8 @@ import numpy as np
 from segar.engine.compiler.kernel import KernelSource
 from segar.engine.compiler.kernel_cache import is_compiled, kernel_path, load_module
 from segar.engine.runtime import gather, ledger
-from segar.errors import SegarError
-from segar.support import private_cache_folder
+from segar.support import patience, private_cache_folder
 
-PATIENCE = (
-    "SEGAR_PATIENCE"  # environment variable: seconds of steps as Python; 0: the first step waits for machine code
-)
-SECONDS = 0.5  # where the variable is not set
 LONG_STEP = 2.0  # [s] a call that would take longer as Python waits for machine code
 RATE = 1e-3  # [s] of a step of one environment as Python, before any was taken
 
@@ -42,7 +37,7 @@ def running_kernel(source: KernelSource) -> "RunningKernel":
     """The kernel of this source; simulators of one world share it.
 
     Raises:
-        SegarError: the environment variable :data:`PATIENCE` is not a number.
+        SegarError: see :func:`segar.support.patience`.
     """
     kernel = _running.get(source.text)
     if kernel is None:
@@ -50,15 +45,6 @@ def running_kernel(source: KernelSource) -> "RunningKernel":
     if kernel.is_python and (patience() <= 0 or is_compiled(kernel_path(source.text))):
         kernel.use_machine_code()
     return kernel
-
-
-def patience() -> float:
-    """How long steps of a new world may take as Python before it is compiled [s]."""
-    said = os.environ.get(PATIENCE)
-    try:
-        return SECONDS if said is None else float(said)
-    except ValueError:
-        raise SegarError(f"{PATIENCE}: '{said}' is no number of seconds") from None
 
 
 class RunningKernel:

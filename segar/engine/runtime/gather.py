@@ -37,7 +37,7 @@ def gather_range(values, level, rows, start, stop, table, out):
     )  # fmt: skip
 
 
-@cached(**_options)
+@cached(patient=True, **_options)
 def gather(
     values, level, rows, types, reads, type_reads, parameters, parameter_reads, seen, shift, scale, missing, limit, out, mask
 ):  # fmt: skip

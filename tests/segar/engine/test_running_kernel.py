@@ -8,9 +8,12 @@ import pytest
 
 import segar
 from segar.engine.compiler import running_kernel as module
-from segar.engine.compiler.running_kernel import PATIENCE, RunningKernel
+from segar.engine.compiler.running_kernel import RunningKernel
 from segar.envs import VectorEnv
+from segar.envs.episode_kernel import copy_numbers, count_step
 from segar.errors import SegarError
+from segar.support import PATIENCE, cached
+from segar.support import compiled as support
 from tests.waiting import until
 
 FAMILY = "empty-easy"
@@ -112,3 +115,37 @@ def test_a_patience_that_is_no_number_is_refused(anew, monkeypatch):
     monkeypatch.setenv(PATIENCE, "long")
     with pytest.raises(SegarError, match="SEGAR_PATIENCE: 'long' is no number of seconds"):
         env_of()
+
+
+def test_a_patient_function_gives_the_same_as_python_and_compiled(anew, monkeypatch):
+    @cached(patient=True, nogil=True, error_model="numpy")
+    def scaled(values, out):
+        for k in range(len(values)):
+            out[k] = values[k] / values[k - 1] if values[k] > 0 else 0.0
+
+    values, found = np.random.default_rng(0).normal(size=50), []
+    values[3] = 0.0
+    for seconds in ("1000", "1000", "0"):
+        monkeypatch.setenv(PATIENCE, seconds)
+        found.append(np.zeros(50))
+        scaled(values, found[-1])
+        assert len(scaled.signatures) == (seconds == "0")
+    assert found[0].tobytes() == found[1].tobytes() == found[2].tobytes()
+    scaled(np.ones(support.MOST_NUMBERS, np.float32), np.ones(support.MOST_NUMBERS, np.float32))
+    assert len(scaled.signatures) == 2  # large arrays wait for machine code
+
+
+def test_patient_functions_of_the_package_do_not_depend_on_how_they_run():
+    rng = np.random.default_rng(1)
+    values = np.where(rng.random((9, 4, 5)) < 0.2, np.nan, rng.normal(size=(9, 4, 5)))
+    both = [np.zeros(values.shape, kind) for kind in (np.float32, np.float32)]
+    for function, out in zip((copy_numbers, copy_numbers.py_func), both, strict=True):
+        function(values, out)
+    assert both[0].tobytes() == both[1].tobytes()
+    reward, over = rng.normal(size=9).astype(np.float32), rng.random(9) < 0.3
+    counted = []
+    for function in (count_step, count_step.py_func):
+        arrays = np.arange(9.0), np.full(9, 6), np.zeros(9, bool), np.zeros(9, np.int64)
+        arrays[1][::2] = 5
+        counted.append((function(reward, over, 7, *arrays), [one.tolist() for one in arrays]))
+    assert counted[0] == counted[1]

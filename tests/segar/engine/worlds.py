@@ -7,7 +7,7 @@ from unittest import mock
 
 import numpy as np
 
-from segar.engine.compiler.running_kernel import PATIENCE, RunningKernel
+from segar.engine.compiler.running_kernel import RunningKernel
 from segar.engine.simulator import Simulator, State, StepResult
 from segar.errors import ConflictError, RuleError
 from segar.language.factors import (
@@ -27,6 +27,7 @@ from segar.language.factors import (
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
 from segar.rules.world import World
+from segar.support import PATIENCE
 
 
 def start(levels: Levels, copies: int = 1) -> State:
