@@ -9,8 +9,8 @@ import pytest
 import torch
 
 import segar
-from examples import ppo, sb3_ppo
-from segar.suites import suite
+from examples import imitation, ppo, sb3_ppo
+from segar.suites import side_options, suite
 from tests.places import ROOT
 
 TINY = ["--levels", "empty-easy", "--count", "4", "--test-count", "5", "--num-envs", "8", "--frames", "1024"]
@@ -31,6 +31,19 @@ def test_a_script_trains_on_a_suite_and_plays_its_test(script, name):
     of = suite(name)
     assert (found.train.levels, found.test.levels) == (of.training_levels, len(of.test_levels))
     assert found.test.episodes.length.max() <= of.task.max_steps
+
+
+def test_imitation_learns_from_the_planner_on_training_levels(capsys):
+    found = imitation.main(["--suite", "place-few-v1", "--rounds", "1", "--steps", "200"])
+    assert f"success in test: {found.test.mean('success').value:.2f}" in capsys.readouterr().out
+    assert found.train.mean("success").value > 0.1  # of random play, which the script has never seen
+
+
+def test_imitation_begins_anew_in_states_that_its_agent_reached():
+    options = side_options(suite("place-few-v1"), "train", 1)
+    env = segar.envs.VectorEnv(num_envs=len(options["levels"]), seed=1, **options)
+    reached = imitation.states_of(env, lambda seen: np.full((len(seen), 2), 0.1), np.random.default_rng(0))
+    assert 0 < len(reached) <= len(env.levels) and not np.isin(reached.values[:, 0], env.levels.values[:, 0]).all()
 
 
 @pytest.mark.parametrize("script", [ppo, sb3_ppo])
