@@ -41,9 +41,10 @@ def figure_4b(evidence: Evidence) -> Drawn:
 
 def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, str]]], height: float = 2.7) -> Figure:
     """Rows of axes of this height, each of a title, its runs and the column of the gap: two point sets, of training and of test
-    levels."""
+    levels. The axes below each other are the same."""
     figure = new_figure(4.5 * len(parts[0]), height * len(parts))
-    for row, drawn in zip(figure.subplots(len(parts), len(parts[0]), squeeze=False), parts, strict=True):
+    grid = figure.subplots(len(parts), len(parts[0]), squeeze=False, sharex="col", sharey="col")
+    for row, drawn in zip(grid, parts, strict=True):
         for axes, (title, table, gap) in zip(row, drawn, strict=True):
             looks = zip(("train", "test"), style.PALETTE, style.MARKERS, strict=False)
             related = [Related(levels, table, f"accuracy_{levels}", gap, *look) for levels, *look in looks]
@@ -51,6 +52,7 @@ def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, 
                 axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
             draw_related(evidence, axes, related, 32)
             axes.set(title=title, xlabel="accuracy of the critic", ylabel=SHORT_GAP)
+            axes.tick_params(labelbottom=True)
     return figure
 
 

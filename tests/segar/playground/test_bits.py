@@ -22,6 +22,7 @@ def test_a_page_of_each_world_plays_to_the_bit(name: str, browser: Browser, tmp_
     assert_plays_alike(segar.family(name).sample(20, seed=3), ("rgb", "textures"), browser, tmp_path)
 
 
+@pytest.mark.browser
 @pytest.mark.parametrize("name", ["chromium", "firefox"])
 def test_a_page_plays_to_the_bit(name: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     levels = segar.family("objectsx3-hard").sample(20, seed=3)
