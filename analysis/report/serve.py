@@ -5,19 +5,19 @@ are those that the plan in the results folder names, or ``runs`` of the checkout
 """
 
 import re
+from functools import partial
 from pathlib import Path
 
 from segar.analysis.report.document.files import PAGE
-from segar.errors import SegarError
 from segar.experiments.evaluation.transfers import LEVELS
 from segar.experiments.reproduction.experiment_file import PLAN
 from segar.experiments.runs.files import read_json
-from segar.experiments.settings import ConfigError, EvaluateConfig, RunFolderError
+from segar.experiments.settings import EvaluateConfig, RunFolderError
 from segar.levels import Levels
 from segar.playground import make_playground, read_policy
-from segar.support import WORKSPACE
+from segar.support import WORKSPACE, need
 
-HOST, TO_AGENTS = "127.0.0.1", "play/"
+TO_AGENTS = "play/"  # begins the addresses of pages of agents
 FIGURE = re.compile(r'(?<=<figure id=")(\w+)(">\s*<div class="scroll" tabindex="0">)<img [^>]*>')
 
 
@@ -29,37 +29,17 @@ def serve_report(results: Path, folder: Path, port: int) -> None:
         port: 0: a free one.
 
     Raises:
-        ConfigError: the packages of the extra ``studio`` are missing.
+        SegarError: the packages of the extra ``studio`` are missing.
         RunFolderError: there is no report.
     """
-    try:
-        import uvicorn
-        from starlette.applications import Starlette
-        from starlette.concurrency import run_in_threadpool
-        from starlette.middleware import Middleware
-        from starlette.middleware.trustedhost import TrustedHostMiddleware
-        from starlette.requests import Request
-        from starlette.responses import HTMLResponse, PlainTextResponse, Response
-        from starlette.routing import Route
-    except ImportError as error:
-        raise ConfigError(f"serve: {error.name} is not installed; pip install 'segar[studio]'") from error
+    need("serving a report", "starlette", "uvicorn")
     if not (folder / PAGE).exists():
         raise RunFolderError(f"{folder / PAGE} is not there; make the report first, without serve=true")
     plan = read_json(results / PLAN) if (results / PLAN).exists() else {}
     shown, root = with_links(folder), Path(plan.get("runs", WORKSPACE / "runs"))
+    from segar.playground import serve_pages  # with the packages of the extra
 
-    async def report(request: Request) -> Response:
-        return HTMLResponse(shown)
-
-    async def agent(request: Request) -> Response:
-        try:
-            return HTMLResponse(await run_in_threadpool(agent_page, root, request.path_params["run"]))
-        except SegarError as error:
-            return PlainTextResponse(str(error), 404)
-
-    routes = [Route("/", report), Route(f"/{TO_AGENTS}{{run}}", agent)]
-    app = Starlette(routes=routes, middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])])
-    uvicorn.run(app, host=HOST, port=port, log_level="info", access_log=False)
+    serve_pages(shown, TO_AGENTS, partial(agent_page, root), port)
 
 
 def with_links(folder: Path) -> str:

@@ -63,7 +63,9 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
         run = dataclasses.replace(
             cell,
             levels=dataclasses.replace(cell.levels, seed=level_set, variation=variation, design=design),
-            algorithm=base.algorithm if algorithm == BASE else on_device_of(base, setting("algorithm", algorithm).algorithm),
+            algorithm=base.algorithm
+            if algorithm == BASE
+            else on_device_of(base, setting("algorithm", algorithm).algorithm),
             observation=base.observation if observation == BASE else setting("observation", observation).observation,
             task=base.task if task == BASE else setting("task", task).task,
             scale=dataclasses.replace(scale, frames=frames),

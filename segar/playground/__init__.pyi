@@ -1,4 +1,5 @@
 from .notebook import html_of as html_of
+from .on_demand import serve_pages as serve_pages
 from .page import Playground as Playground, make_playground
 from .policy import WEIGHTS as WEIGHTS
 from .priors_text import (

@@ -56,6 +56,7 @@ PLACES_WITH_AN_EXTRA = {
     "segar/cli/cite.py": "train",
     "segar/support/published.py": "results",
     "segar/playground/run_folder.py": "train",
+    "segar/playground/on_demand.py": "studio",
     "segar/playground/server.py": "studio",
 }
 

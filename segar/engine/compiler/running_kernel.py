@@ -83,7 +83,7 @@ class RunningKernel:
         began = time.thread_time()
         self.module.advance(*arguments)
         took = time.thread_time() - began
-        self._left, self._rate = self._left - took, took / steps
+        self._left, self._rate = self._left - took, took / max(steps, 1)
         return True
 
     def _is_compiled_beside(self, arguments: Sequence[Any]) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import segar
+from segar.engine.compiler import kernel_cache
 from segar.engine.compiler import running_kernel as module
 from segar.engine.compiler.running_kernel import RunningKernel
 from segar.envs import VectorEnv
@@ -25,6 +26,7 @@ def anew(tmp_path, monkeypatch):
     monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(module, "_running", {})
     monkeypatch.setattr(module, "_plain", {})
+    monkeypatch.setattr(kernel_cache, "_loaded", {})
 
 
 def env_of(num_envs: int = 40) -> VectorEnv:
@@ -109,6 +111,15 @@ def test_what_a_step_that_ends_in_an_exception_has_written_is_taken_back(anew, m
         with pytest.raises(KeyboardInterrupt):
             played(env, 1)
     assert played(env, 3) == expected
+
+
+def test_no_sub_steps_are_as_quick_as_any(anew, monkeypatch):
+    monkeypatch.setenv(PATIENCE, "1000")
+    env = env_of()
+    state = env.state().state
+    values = state.values.copy()
+    env.simulator.step(state, env.levels, 0)
+    assert kernel().is_python and state.values.tobytes() == values.tobytes()
 
 
 def test_a_patience_that_is_no_number_is_refused(anew, monkeypatch):
