@@ -19,6 +19,7 @@ from benchmarks.targets import targets
 from benchmarks.yardsticks import against_pymunk, handwritten
 from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.settings import require_known
+from segar.support import PATIENCE
 
 REPEATS = 7
 PARTS = {
@@ -46,7 +47,7 @@ def main(repeats: int = REPEATS, only: tuple[str, ...] = tuple(PARTS)) -> None:
     """Measure each number of some parts ``repeats`` times."""
     for part in only:
         require_known("only", part, list(PARTS))
-    os.environ.setdefault("SEGAR_PATIENCE", "0")  # what is measured is machine code
+    os.environ.setdefault(PATIENCE, "0")  # what is measured is machine code
     print_parts("M/s: million environment steps per core-second", [PARTS[part] for part in only], repeats)
 
 

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from segar.analysis.report.document.files import PAGE
+from segar.analysis.report.figures.main_grid import TO_AGENTS
 from segar.experiments.evaluation.transfers import LEVELS
 from segar.experiments.reproduction.experiment_file import PLAN
 from segar.experiments.runs.files import read_json
@@ -17,7 +18,6 @@ from segar.levels import Levels
 from segar.playground import make_playground, read_policy
 from segar.support import WORKSPACE, need
 
-TO_AGENTS = "play/"  # begins the addresses of pages of agents
 FIGURE = re.compile(r'(?<=<figure id=")(\w+)(">\s*<div class="scroll" tabindex="0">)<img [^>]*>')
 
 

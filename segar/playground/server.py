@@ -18,11 +18,11 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from segar.errors import SegarError
+from segar.playground.on_demand import HOST
 from segar.playground.studio import FORMS, Studio
 from segar.playground.worker import LOOK, Worker
 from segar.support import from_json
 
-HOST = "127.0.0.1"
 MOST_BYTES = 1_000_000  # of a question
 MOST_MEMORY = 2 * 2**30  # [bytes] of all answers, beyond what the studio takes at its start
 MOST_CONNECTIONS = 64  # at once

@@ -23,9 +23,8 @@ from segar.errors import SegarError
 from segar.support.code_folder import MACHINE_CODE, cache_folder, is_trusted, private_cache_folder, say_where_kept
 from segar.support.files import replacing
 
-PATIENCE = (
-    "SEGAR_PATIENCE"  # environment variable: seconds of steps as Python; 0: the first step waits for machine code
-)
+# Environment variable: seconds of steps as Python; with 0 the first step waits for machine code.
+PATIENCE = "SEGAR_PATIENCE"
 SECONDS = 0.5  # where the variable is not set
 PART = 0.2  # of that: what a function may take
 MOST_NUMBERS = 200_000  # in the arrays of a call as Python
@@ -68,12 +67,13 @@ class _Patient:
     """What numba calls for a function that it finds not compiled; it then calls what this returns."""
 
     def __init__(self, compiled: Any) -> None:
-        self._compile, self._cache, self._function = compiled._compile_for_args, compiled._cache, compiled.py_func
+        self._compile, self._function = compiled._compile_for_args, compiled.py_func
+        self._files: _CheckedFiles = compiled._cache._cache_file
         self._seconds = 0.0  # that it took as Python
 
     def __call__(self, *arguments: Any) -> Any:
         numbers = sum(one.size for one in arguments if isinstance(one, np.ndarray))
-        is_due = self._seconds >= PART * patience() or numbers > MOST_NUMBERS or self._cache.is_kept()
+        is_due = self._seconds >= PART * patience() or numbers > MOST_NUMBERS or self._files.is_there()
         return self._compile(*arguments) if is_due else self._as_python
 
     def _as_python(self, *arguments: Any) -> Any:
@@ -134,10 +134,6 @@ class CheckedCache(FunctionCache):
         if str(ready) != self._cache_path and is_trusted(ready.parent):
             self._cache_file.ready = _CheckedFiles(str(ready), name, stamp)
 
-    def is_kept(self) -> bool:
-        """Whether machine code of the function is on disk, for whatever types."""
-        return self._cache_file.is_there()
-
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             return super()._load_overload(sig, target_context)
@@ -165,7 +161,7 @@ class _CheckedFiles(IndexDataCacheFile):
     ready: "_CheckedFiles | None" = None  # where somebody else may have put the same files
 
     def is_there(self) -> bool:
-        """Whether there is an index, here or where somebody else made it."""
+        """Whether there is machine code, for whatever types, here or where somebody else made it."""
         return Path(self._index_path).exists() or (self.ready is not None and self.ready.is_there())
 
     def load(self, key: Any) -> Any:

@@ -25,6 +25,7 @@ METRICS = (
     ("w2_exact", "gap", W2_EXACT, METRIC_OURS, GAP),
 )
 MEASURES = [name for x, y, *_ in METRICS for name in (x, y)]
+TO_AGENTS = "play/"  # begins the addresses of pages of agents, where the report is served
 HOLLOW: dict[str, Any] = {"facecolors": "none", "linewidths": 0.9}
 
 
@@ -78,7 +79,7 @@ def gaps_against_w2(evidence: Evidence, table: pd.DataFrame, group: str, by_grou
                     dots = axes.scatter(
                         column(cell, x)[rows], column(cell, y)[rows], s=30, marker=markers[name], zorder=3, **look
                     )
-                    dots.set_urls([f"play/{run}" for run in cell["run"][rows]] if "run" in cell else [])
+                    dots.set_urls([f"{TO_AGENTS}{run}" for run in cell["run"][rows]] if "run" in cell else [])
             for name in groups if by_group else ():
                 found = evidence.correlation(select(table, family=family, **{group: name}), x, y)
                 said += [f"{name}: r = {signed(found.estimate)}"] * bool(np.isfinite(found.low))
