@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import segar
-from examples import evolution, imitation, ppo, sb3_ppo
+from examples import evolution, imitation, nearest, ppo, sb3_ppo
 from segar.suites import side_options, suite
 from tests.places import ROOT
 
@@ -43,6 +43,12 @@ def test_evolution_raises_the_return_of_its_mean(capsys):
     few, many = (evolution.main(["--suite", "place-few-v1", "--generations", n]) for n in ("1", "12"))
     assert capsys.readouterr().out.count("success in test: ") == 2
     assert many.train.mean("return").value > few.train.mean("return").value
+
+
+def test_a_plan_that_is_remembered_solves_its_level_and_few_others(capsys):
+    found = nearest.main(["--suite", "place-few-v1"])
+    assert f"success in test: {found.test.mean('success').value:.2f}" in capsys.readouterr().out
+    assert found.train.mean("success").value > 0.9 > 0.6 > found.test.mean("success").value
 
 
 def test_imitation_begins_anew_in_states_that_its_agent_reached():
