@@ -50,30 +50,34 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
     Args:
         causes: of :func:`segar.analysis.benchmark.causes.causes_of_rows`.
     """
-    means = {row.folder: LevelMeans(row) for row in rows}
-    players = {name: [means[row.folder] for row in rows if row.method.name == name] for name in REFERENCES}
+    means = {row.folder: level_means(row) for row in rows}
+    played: dict[tuple[str, ...], list[Floats]] = {}  # by the references, on each level set of a suite, by its hash
+    for row in (row for row in rows if row.method.name in REFERENCES):
+        for piece, (side, levels) in ((one, each) for one in row.pieces for each in one.levels.items()):
+            known = played.setdefault((row.method.name, piece.suite, side, levels), [])
+            known.append(means[row.folder][piece.suite, piece.seed, side])
     effects = shift_effects(causes)
     lines = []
     for name, row in sorted(by_name(rows).items()):
-        own = means[row.folder]
+        drawn = drawn_figures(row)
         for piece in row.pieces:
             line: dict[str, Any] = {"row": name, "axis": outline(piece.suite)["axis"], "suite": piece.suite}
             line |= {"suite_hash": piece.suite_hash, "seed": piece.seed}
             line[EFFECT] = effects.get((name, piece.suite, piece.seed), np.nan)
             for side in (side for side in SIDES if side in piece.levels):
-                returns = float(own.returns[piece.suite, piece.seed, side].mean())
-                successes = float(own.successes[piece.suite, piece.seed, side].mean())
-                line |= {f"{side}_return": returns, f"{side}_success": successes}
-                known = references(players, piece.suite, side, piece.levels[side], "returns")
-                if known is not None:
-                    line[{"train": "train_score", "test": "score"}[side]] = float(known.normalised(returns))
-                if known is not None and side == "test":
-                    line["regret"] = float(known.regret(returns))
-                    solved = references(players, piece.suite, side, piece.levels[side], "successes")
-                    assert solved is not None
+                own = [float(one.mean()) for one in means[row.folder][piece.suite, piece.seed, side]]
+                line |= {f"{side}_return": own[0], f"{side}_success": own[1]}
+                keys = [(player, piece.suite, side, piece.levels[side]) for player in (RANDOM, IDLE, PLANNER)]
+                if not all(key in played for key in keys):
+                    continue
+                reached = [np.mean(played[key], axis=0) for key in keys]
+                returns, solved = (Baselines(*one) for one in zip(*reached, strict=True))
+                line[{"train": "train_score", "test": "score"}[side]] = float(returns.normalised(own[0]))
+                if side == "test":
+                    line["regret"] = float(returns.regret(own[0]))
                     chance = solved.random.mean()
-                    line[PRACTICE] = (successes - chance) / (solved.oracle.mean() - chance)
-            lines.append(line | drawn_figures(row).get((piece.suite, piece.seed), {}))
+                    line[PRACTICE] = (own[1] - chance) / (solved.oracle.mean() - chance)
+            lines.append(line | drawn.get((piece.suite, piece.seed), {}))
     table = pd.DataFrame(lines).reindex(columns=["row", "axis", "suite", "suite_hash", "seed", *FIGURES])
     apart = {
         "gap": table["test_return"] - table["train_return"],
@@ -92,38 +96,11 @@ def drawn_figures(row: Row) -> dict[tuple[str, int], dict[str, float]]:
     }  # fmt: skip
 
 
-class LevelMeans:
-    """The mean return and success on each level, by suite, seed and side, and the hashes of the level sets."""
-
-    def __init__(self, row: Row) -> None:
-        episodes = row.results().to_pandas()
-        means = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]].mean()
-        self.returns: dict[tuple[str, int, str], Floats] = {}
-        self.successes: dict[tuple[str, int, str], Floats] = {}
-        for key, part in means.groupby(level=[0, 1, 2], dropna=False):
-            self.returns[key], self.successes[key] = part.to_numpy(np.float64).T  # type: ignore[index]
-        self.hashes = {
-            (piece.suite, piece.seed, side): digits for piece in row.pieces for side, digits in piece.levels.items()
-        }
-
-    def of(self, suite: str, side: str, levels: str, what: str) -> list[Floats]:
-        """``"returns"`` or ``"successes"`` on the levels of this hash, of each seed that played them."""
-        same = [key for key, digits in self.hashes.items() if digits == levels and (key[0], key[2]) == (suite, side)]
-        return [getattr(self, what)[key] for key in same]
-
-
-def references(
-    players: Mapping[str, Sequence[LevelMeans]], suite: str, side: str, levels: str, what: str
-) -> Baselines | None:
-    """What the references reach on the levels of this hash, ``"returns"`` or ``"successes"``, each the mean over all seeds that
-    played them; None where a player did not."""
-    found = []
-    for name in (RANDOM, IDLE, PLANNER):
-        values = [one for means in players[name] for one in means.of(suite, side, levels, what)]
-        if not values:
-            return None
-        found.append(np.mean(values, axis=0))
-    return Baselines(*found)
+def level_means(row: Row) -> dict[tuple[str, int, str], Floats]:
+    """The mean return and success on each level, float64 ``(2, levels)``, by suite, seed and side."""
+    episodes = row.results().to_pandas()
+    means = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]].mean()
+    return {key: part.to_numpy(np.float64).T for key, part in means.groupby(level=[0, 1, 2], dropna=False)}  # type: ignore[misc]
 
 
 def complete(table: pd.DataFrame, suites: Sequence[str]) -> pd.DataFrame:
