@@ -22,10 +22,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from segar.experiments.benchmarking.protocol import PRIVILEGED, PROTOCOL
-from segar.experiments.runs.files import locked, read_json, read_table, replacing, write_text
+from segar.experiments.runs.files import read_json, read_table, replacing, write_text
 from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import RunFolderError
-from segar.support import first_line, sha256_of, shown
+from segar.support import first_line, locked, sha256_of, shown
 
 FORMAT = 1
 ROW, TABLE, MEANS, PIECE = "row.json", "episodes.parquet", "levels.parquet", "piece.json"

@@ -11,24 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from segar.experiments.settings import RunFolderError
-from segar.support import (
-    DAMAGE,
-    LOCK,
-    check_size,
-    files,
-    first_line,
-    json_in,
-    locked,
-    misfit,
-    opened,
-    remove_unfinished,
-)
-from segar.support import UNFINISHED as TEMPORARY
-
-__all__ = [
-    "LOCK", "TEMPORARY", "locked", "opened_table", "read_json", "read_table", "remove_unfinished", "replacing", "write_bytes",
-    "write_text",
-]  # fmt: skip
+from segar.support import DAMAGE, check_size, files, first_line, json_in, misfit, opened
 
 CELL = 8  # [bytes] that a value of a table takes at most, texts aside
 

@@ -33,16 +33,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from segar.experiments.runs.files import (
-    LOCK,
-    TEMPORARY,
-    locked,
-    read_json,
-    read_table,
-    remove_unfinished,
-    replacing,
-    write_text,
-)
+from segar.experiments.runs.files import read_json, read_table, replacing, write_text
 from segar.experiments.runs.own_modules import folders_of, modules_named, own_packages
 from segar.experiments.runs.trust import settings_of_file, signed
 from segar.experiments.settings import (
@@ -54,7 +45,7 @@ from segar.experiments.settings import (
     run_config,
     without_password,
 )
-from segar.support import WORKSPACE, content_of
+from segar.support import LOCK, UNFINISHED, WORKSPACE, content_of, locked, remove_unfinished
 
 CONFIG = "config.yaml"
 LONGEST = 2**20  # [bytes] of the settings of a run
@@ -196,7 +187,7 @@ def _occupy(folder: Path, config: RunConfig) -> None:
                 "throw it away with restart=true, or choose another folder=..."
             )
         return
-    foreign = sorted(p.name for p in folder.iterdir() if p.name != LOCK and not p.name.startswith(TEMPORARY))
+    foreign = sorted(p.name for p in folder.iterdir() if p.name != LOCK and not p.name.startswith(UNFINISHED))
     if foreign:
         raise RunFolderError(
             f"{folder} holds no run but is not empty: {', '.join(foreign[:3])}. Choose another folder=..."
