@@ -54,7 +54,6 @@ from omegaconf import DictConfig
 
 from segar.cli import table
 from segar.experiments.benchmarking.drawn import DrawTask, draw_piece
-from segar.experiments.benchmarking.method import again, method_of, settings_of
 from segar.experiments.benchmarking.panel import PANEL, PanelTask, network_for, play_panel, read_panel
 from segar.experiments.benchmarking.players import PlayerTask, action_file, make_piece
 from segar.experiments.benchmarking.protocol import ALL, PLAYERS, REFERENCES, piece_name, row_folder, suites_named
@@ -75,7 +74,7 @@ from segar.experiments.benchmarking.row import (
     row_of,
     write_drawn,
 )
-from segar.experiments.benchmarking.settings import ROWS, BenchmarkConfig
+from segar.experiments.benchmarking.settings import ROWS, BenchmarkConfig, again, method_of, settings_of
 from segar.experiments.benchmarking.verification import verify
 from segar.experiments.commands.hydra_app import errors_as_messages, run_command, to_plain
 from segar.experiments.commands.kernels import choose_kernels

@@ -1,6 +1,6 @@
-"""Makes tables, figures and the leaderboard page of a folder of rows."""
+"""Makes tables, figures and the leaderboard page of a folder of rows, and tracks a row in MLflow beside its training runs."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,16 +9,18 @@ import pandas as pd
 from segar.analysis.benchmark.causes import causes_of_rows
 from segar.analysis.benchmark.figures import profile_figure, shown_rows
 from segar.analysis.benchmark.leaderboard_page import overall_table, page_text, suite_table
-from segar.analysis.benchmark.scores import OVERALL, by_name, figures_of, leaderboard, rows_in, suites_compared
-from segar.analysis.benchmark.tracking import numbers_of, track_row
+from segar.analysis.benchmark.scores import FIGURES, OVERALL, by_name, figures_of, leaderboard, rows_in, suites_compared
 from segar.analysis.plotting.figures import save_figure
-from segar.analysis.tables import write_csv
+from segar.analysis.tables import mean_by, select, write_csv
 from segar.experiments.benchmarking.panel import PANEL, read_panel
 from segar.experiments.benchmarking.protocol import REFERENCES, SHIPPED
+from segar.experiments.benchmarking.row import Row
 from segar.experiments.benchmarking.verification import is_verified
 from segar.experiments.runs.files import write_text
 from segar.experiments.runs.run_folder import root_folder
-from segar.experiments.settings import TrackingConfig, construct
+from segar.experiments.settings import TrackingConfig, construct, flat
+from segar.experiments.tracking.mlflow_store import replace_run
+from segar.experiments.tracking.mlflow_sync import VALUE_LENGTH
 from segar.suites import CORE
 from segar.support import counted
 
@@ -78,3 +80,33 @@ def with_marks(text: str, names: Iterable[str]) -> str:
     for name in names:
         text = text.replace(f"`{name}`", f"`{name}` {MARK}")
     return text
+
+
+def track_row(
+    tracking: TrackingConfig, root: Path, row: Row, numbers: Mapping[str, float], files: Sequence[Path]
+) -> None:
+    """Writes a row's numbers and files to the store of ``root``, in place of those of an earlier report of this row.
+
+    The run has the tag ``kind = 'row'``, and the tag ``sweep`` of the row's training runs.
+
+    Raises:
+        TrackingError: the store cannot be opened, or refuses.
+    """
+    name = row.method.name
+    tags = {"kind": "row", "row_folder": str(row.folder), "row_hash": row.hash, "sweep": name, "title": row.method.says}
+    parameters = {key: str(value)[:VALUE_LENGTH] for key, value in flat(row.method.settings).items()}
+    replace_run(
+        tracking, root, f"row {name}", tags, "row_folder",
+        metrics=numbers, files=dict.fromkeys(files), parameters=parameters,
+    )  # fmt: skip
+
+
+def numbers_of(name: str, table: pd.DataFrame, board: pd.DataFrame) -> dict[str, float]:
+    """``score/<axis>`` and ``test_success/<axis>`` of a row, interquartile means, and its means on each suite by seeds, such as
+    ``regret/place-few-v1``; the axis ``all`` is the mean of all."""
+    found = {
+        f"{line['quantity']}/{line['axis']}": line["estimate"] for line in select(board, row=name).to_dict("records")
+    }
+    for line in mean_by(select(table, row=name), ["suite"], FIGURES).to_dict("records"):
+        found |= {f"{figure}/{line['suite']}": line[figure] for figure in FIGURES if pd.notna(line[figure])}
+    return {key: float(value) for key, value in found.items()}

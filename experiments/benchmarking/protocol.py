@@ -11,8 +11,13 @@ from segar.support import ROWS
 ALL = "all"  # all suites that come with SEGAR
 BUDGETS: Mapping[str, int | None] = {"laptop": 200_000, "server": 5_000_000, "open": None}
 """Frames of training on each suite with each seed; None: as many as ``scale.frames`` says."""
-PLAYERS = ("idle", "random", "script", "planner")
-"""Rows without training, which ``algorithm=`` may name."""
+PLAYERS: Mapping[str, str] = {
+    "idle": "does nothing",
+    "random": "acts uniformly at random",
+    "script": "the scripted player of the task, which sees the true factors",
+    "planner": "the best actions that a search in the simulator finds",
+}
+"""Rows without training, which ``algorithm=`` may name, and what each of them does."""
 REFERENCES = ("idle", "random", "planner")
 """The rows that scores are made of: 0 is the better of the first two on each level, 1 is the third."""
 PRIVILEGED = ("script", "planner")
