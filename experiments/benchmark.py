@@ -42,7 +42,6 @@ run to one row.
 """
 
 import dataclasses
-import json
 import sys
 import time
 from collections.abc import Collection, Iterator, Sequence
@@ -84,8 +83,7 @@ from segar.experiments.reproduce import ReproduceConfig, Work, carry_out, cores,
 from segar.experiments.reproduction.grid import grid_runs
 from segar.experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
 from segar.experiments.runs.executed_code import differing_parts
-from segar.experiments.runs.files import write_text
-from segar.experiments.runs.run_folder import folder_path, is_finished, runs_root
+from segar.experiments.runs.run_folder import folder_path, is_finished, runs_root, write_json
 from segar.experiments.settings import (
     ConfigError,
     RunConfig,
@@ -366,7 +364,7 @@ def make_panel(config: BenchmarkConfig) -> None:
     if failed := do_all(place / "logs", waiting, config.processes or cores(), play_panel):
         raise TrainingError(failures(failed, len(waiting), False))
     lines = [line for one in tasks for line in read_panel(one.path)]
-    write_text(config.folder / PANEL, json.dumps(lines, indent=1) + "\n")
+    write_json(config.folder / PANEL, lines)
     red = [f"{one['player']} on {one['suite']}" for one in lines if not one["right"]]
     shown = [
         [one["suite"], one["player"], f"{one['drawn']:.3f}", one["must"], "" if one["right"] else RED] for one in lines

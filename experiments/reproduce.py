@@ -234,7 +234,6 @@ def with_reports(
 
 def write_plan(config: ReproduceConfig, plan: ReproductionPlan) -> None:
     """Writes the plan into the results folder, where the tables are made from it, and what a study asks."""
-    config.folder.mkdir(parents=True, exist_ok=True)
     uri = config.run.tracking.uri
     tracking = {**dataclasses.asdict(config.run.tracking), "uri": uri and hand_on_password(uri)}  # to the plug-ins
     about = {"name": config.name, "scale": config.run.scale.name, "runs": str(runs_root(config.run))}

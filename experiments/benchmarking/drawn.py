@@ -2,7 +2,6 @@
 
 import dataclasses
 import hashlib
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,7 +16,8 @@ from segar.experiments.benchmarking.level_sets import number_of_levels
 from segar.experiments.benchmarking.playing import SEED, options_of, play_each, policy_in, read_actions
 from segar.experiments.benchmarking.policy_process import SECONDS, PolicyProcess
 from segar.experiments.benchmarking.row import RANDOM_PLAYS, Drawn, Method, Piece
-from segar.experiments.runs.files import read_json, write_text
+from segar.experiments.runs.files import read_json
+from segar.experiments.runs.run_folder import write_json
 from segar.experiments.settings import ConfigError, RunFolderError
 from segar.hardness import Plan, plan
 from segar.levels import Levels, hash_of_levels
@@ -61,13 +61,10 @@ class Draw:
     plan: Plan
 
 
-def draw_piece(task: DrawTask) -> dict[str, float]:
-    """Plays the drawn levels of a piece and writes what came of them; returns nothing to show."""
+def draw_piece(task: DrawTask) -> None:
+    """Plays the drawn levels of a piece and writes what came of them."""
     drawn = play_drawn(task.method, task.piece, task.file, task.commitment, seconds=task.seconds)
-    task.path.parent.mkdir(parents=True, exist_ok=True)
-    data = {"commitment": task.commitment, "drawn": dataclasses.asdict(drawn)}
-    write_text(task.path, json.dumps(data) + "\n")
-    return {}
+    write_json(task.path, {"commitment": task.commitment, "drawn": dataclasses.asdict(drawn)})
 
 
 def draw(of: Suite, commitment: str, seed: int, train: Levels, salt: str = "") -> Draw:

@@ -1,6 +1,5 @@
 """Players whose place is known beforehand: where one of them stands otherwise, the benchmark is wrong, or gamed."""
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,8 @@ from segar.experiments.benchmarking.drawn import LEVELS, draw, drawn_of
 from segar.experiments.benchmarking.level_sets import number_of_levels
 from segar.experiments.benchmarking.playing import options_of, play_each
 from segar.experiments.benchmarking.row import RANDOM_PLAYS, Piece, Row, read_row
-from segar.experiments.runs.files import read_json, write_text
+from segar.experiments.runs.files import read_json
+from segar.experiments.runs.run_folder import write_json
 from segar.metrics import cost_matrix
 from segar.policies import Network, NetworkPolicy
 from segar.suites import plans_on, suite
@@ -37,8 +37,8 @@ class PanelTask:
     path: Path
 
 
-def play_panel(task: PanelTask) -> dict[str, float]:
-    """Plays the panel on a suite and writes its lines, :data:`FORM`; returns nothing to show."""
+def play_panel(task: PanelTask) -> None:
+    """Plays the panel on a suite and writes its lines, :data:`FORM`."""
     of = suite(task.suite)
     train = of.sample(SEED)
     given = draw(of, COMMITMENT, SEED, train)
@@ -80,9 +80,7 @@ def play_panel(task: PanelTask) -> dict[str, float]:
             noisy,
             noisy < alone or alone <= most,
         )
-    task.path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(task.path, json.dumps(lines) + "\n")
-    return {}
+    write_json(task.path, lines)
 
 
 class Noisy:

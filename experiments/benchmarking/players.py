@@ -54,8 +54,8 @@ class PlayerTask:
         )
 
 
-def make_piece(task: PlayerTask) -> dict[str, float]:
-    """Plays a piece and writes it; returns nothing to show."""
+def make_piece(task: PlayerTask) -> None:
+    """Plays a piece and writes it."""
     of, player = suite(task.suite), task.method.name
     sets = sets_of(of, task.seed, with_twins=plays_twins(task.method))
     found = versions()
@@ -78,7 +78,6 @@ def make_piece(task: PlayerTask) -> dict[str, float]:
         write_actions(task.folder / ACTIONS, actions)
         sets = {name: sets[name] for name in actions}
     write_piece(task.folder, Piece(of.name, of.hash, task.seed, hashes_of(sets), "", file, 0, made_with), episodes)
-    return {}
 
 
 def action_file(folder: Path, suite: str, seed: int) -> Path:

@@ -23,6 +23,7 @@ import pyarrow.parquet as pq
 
 from segar.experiments.benchmarking.protocol import PRIVILEGED, PROTOCOL
 from segar.experiments.runs.files import read_json, read_table, replacing, write_text
+from segar.experiments.runs.run_folder import differences, write_json
 from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import RunFolderError
 from segar.support import first_line, locked, sha256_of, shown
@@ -251,30 +252,23 @@ def read_row(folder: Path) -> Row:
     return Row(method, pieces, folder, stated, data["files"], frozenset(data["files"]) - there, means or "", drawn)
 
 
-def commitment_of(method: Method, pieces: Sequence[Piece], files: Mapping[tuple[str, int], str]) -> str:
+def commitment_of_row(row: Row) -> str:
     """The SHA-256 of what a row is before its levels are drawn: the version of the protocol, the kind of the method and the
     settings that it plays by, and of each piece the suite with its hash, the seed, the SHA-256 of its file (weights, or
-    recorded actions), and the code of the user's own that plays it."""
+    recorded actions), and the code of the user's own that plays it. The row has all of its files, or drawn levels that name
+    them."""
+    files = {(one.suite, one.seed): one.file for one in row.drawn} or {
+        (one.suite, one.seed): sha256_of(row.folder / one.file, "file", RunFolderError) if one.file else ""
+        for one in row.pieces
+    }
     parts = [
         [one.suite, one.suite_hash, one.seed, files[one.suite, one.seed], one.made_with.get("code", {})]
-        for one in pieces
+        for one in row.pieces
     ]
-    played = {key: value for key, value in method.settings.items() if key in DRAWN}
-    player = method.name if method.kind == "player" else ""
-    data = [PROTOCOL, method.kind, player, played, parts]
+    played = {key: value for key, value in row.method.settings.items() if key in DRAWN}
+    player = row.method.name if row.method.kind == "player" else ""
+    data = [PROTOCOL, row.method.kind, player, played, parts]
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
-
-
-def commitment_of_row(row: Row) -> str:
-    """The commitment of a row that has all of its files, or whose drawn levels name them."""
-    if row.drawn:
-        digests = {(one.suite, one.seed): one.file for one in row.drawn}
-    else:
-        digests = {
-            (one.suite, one.seed): sha256_of(row.folder / one.file, "file", RunFolderError) if one.file else ""
-            for one in row.pieces
-        }
-    return commitment_of(row.method, row.pieces, digests)
 
 
 def _check_drawn(path: Path, data: Mapping[str, Any], drawn: Sequence[Drawn]) -> None:
@@ -381,21 +375,10 @@ def row_of(folder: Path, method: Method) -> Row | None:
     if not (folder / ROW).exists():
         return None
     row = read_row(folder)
-    for one in ("kind", "budget", "frames", "settings"):
-        there, here = getattr(row.method, one), _plain(getattr(method, one))
-        if there != here:
-            raise RunFolderError(
-                f"{folder} is the row of another method: {_difference(one, there, here)}. Name yours: row=..."
-            )
+    there, here = ({**vars(one), "name": "", "says": ""} for one in (row.method, method))  # those two may differ
+    if difference := next(differences(there, _plain(here)), None):
+        raise RunFolderError(f"{folder} is the row of another method: {difference}. Name yours: row=...")
     return row
-
-
-def _difference(place: str, there: Any, here: Any) -> str:
-    """The first setting in which two differ, in words."""
-    if isinstance(there, Mapping) and isinstance(here, Mapping):
-        key = next(key for key in sorted({*there, *here}) if there.get(key) != here.get(key))
-        return _difference(f"{place}.{key}", there.get(key), here.get(key))
-    return f"{place} is {there!r} there and {here!r} here"
 
 
 def _without(episodes: pa.Table, keys: set[tuple[str, int]]) -> pa.Table:
@@ -463,10 +446,9 @@ def file_hash(path: Path) -> str:
 
 def write_piece(folder: Path, piece: Piece, episodes: pa.Table) -> None:
     """Writes a piece into a folder of its own, in which its file lies already."""
-    folder.mkdir(parents=True, exist_ok=True)
     with replacing(folder / TABLE) as beside:
         pq.write_table(episodes, str(beside))
-    write_text(folder / PIECE, json.dumps(dataclasses.asdict(piece), indent=1) + "\n")
+    write_json(folder / PIECE, dataclasses.asdict(piece))
 
 
 def read_piece(folder: Path) -> NewPiece | None:

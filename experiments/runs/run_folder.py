@@ -175,9 +175,9 @@ def _occupy(folder: Path, config: RunConfig) -> None:
         if config.restart:
             empty(folder, config)
             return
-        differences = [*_differences(there.identity(), config.identity()), *_other_precision(folder, config)]
-        if differences:
-            shown = "; ".join(differences[:3]) + ("; ..." if len(differences) > 3 else "")
+        others = [*sorted(differences(there.identity(), config.identity())), *_other_precision(folder, config)]
+        if others:
+            shown = "; ".join(others[:3]) + ("; ..." if len(others) > 3 else "")
             raise RunFolderError(
                 f"{folder} holds another run: {shown}. Choose another folder=..., or throw that run away with restart=true"
             )
@@ -224,12 +224,12 @@ def _write_settings(folder: Path, config: RunConfig) -> None:
     write_text(folder / CONFIG, signed(yaml.safe_dump(data, sort_keys=False)))
 
 
-def _differences(there: Mapping[str, Any], here: Mapping[str, Any], place: str = "") -> Iterator[str]:
-    """Sentences that name the settings in which two runs differ."""
-    for key in sorted({*there, *here}):
+def differences(there: Mapping[str, Any], here: Mapping[str, Any], place: str = "") -> Iterator[str]:
+    """Sentences that name the settings in which two runs, or the methods of two rows, differ."""
+    for key in {**there, **here}:
         a, b = there.get(key), here.get(key)
         if isinstance(a, Mapping) and isinstance(b, Mapping):
-            yield from _differences(a, b, f"{place}{key}.")
+            yield from differences(a, b, f"{place}{key}.")
         elif a != b:
             yield f"{place}{key} is {a!r} there and {b!r} here"
 
@@ -336,6 +336,6 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema)
         pq.write_table(table, os.fspath(beside))
 
 
-def write_json(path: Path, data: Mapping[str, Any]) -> None:
+def write_json(path: Path, data: Any) -> None:
     """Replaces a JSON file by ``data``; raises :class:`RunFolderError`."""
     write_text(path, json.dumps(data, indent=2) + "\n")
