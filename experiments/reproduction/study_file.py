@@ -125,16 +125,29 @@ def _as_text(value: Any) -> str:
     return repr(value)
 
 
+@dataclass(frozen=True)
+class AtScale(Others, GridConfig):
+    """What may differ at a scale."""
+
+
 def schema() -> dict[str, Any]:
     """The JSON schema of study files (draft 2020-12), made from the dataclasses that check them."""
-    found = _schema_of(StudyConfig)
-    grid, others = _schema_of(GridConfig), _schema_of(Others)
-    at_scale = {**grid, "properties": {**grid["properties"], **others["properties"]}}
-    parts = {"claims": {**_schema_of(ClaimConfig), "allOf": _keys_of_tests()}, "scales": at_scale}
-    maps = {name: {**found["properties"][name], "additionalProperties": part} for name, part in parts.items()}
-    transfers = {"type": "array", "items": _schema_of(TransferConfig)}
-    found["properties"] |= {"grid": grid, "transfers": transfers, **maps}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A study of SEGAR", **found}
+    classes = (StudyConfig, GridConfig, ClaimConfig, AtScale)
+    _, made = TypeAdapter.json_schemas([(cls, "validation", TypeAdapter(cls)) for cls in classes])
+    parts = made["$defs"]
+    for part in parts.values():
+        part["additionalProperties"] = False
+    parts["ClaimConfig"]["allOf"] = _keys_of_tests()
+    whole = parts.pop("StudyConfig")
+    whole["properties"]["grid"] = _reference_to(GridConfig)
+    for name, cls in (("claims", ClaimConfig), ("scales", AtScale)):
+        whole["properties"][name]["additionalProperties"] = _reference_to(cls)
+    about = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A study of SEGAR"}
+    return {**whole, **about, "$defs": parts}
+
+
+def _reference_to(cls: type) -> dict[str, str]:
+    return {"$ref": f"#/$defs/{cls.__name__}"}
 
 
 def _keys_of_tests() -> list[dict[str, Any]]:
@@ -151,26 +164,6 @@ def _keys_of_tests() -> list[dict[str, Any]]:
         }
         for name, kind in kinds.items()
     ]
-
-
-def _schema_of(cls: type) -> dict[str, Any]:
-    """The schema of a dataclass; references are written out."""
-    found = TypeAdapter(cls).json_schema()
-    properties = _resolved(found["properties"], found.get("$defs", {}))
-    kept = {key: found[key] for key in ("type", "required") if key in found}
-    return {**kept, "properties": properties, "additionalProperties": False}
-
-
-def _resolved(part: Any, definitions: Mapping[str, Any]) -> Any:
-    if isinstance(part, Mapping):
-        if "$ref" in part:
-            return _resolved(definitions[part["$ref"].rpartition("/")[2]], definitions)
-        return {
-            key: _resolved(value, definitions)
-            for key, value in part.items()
-            if key != "title" or not isinstance(value, str)
-        }
-    return [_resolved(one, definitions) for one in part] if isinstance(part, list) else part
 
 
 def fields_text() -> str:
