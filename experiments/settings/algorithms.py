@@ -66,7 +66,6 @@ class AlgorithmConfig(Settings):
     """
 
     group: ClassVar[str] = "algorithm"
-    kind: ClassVar[str]  # a short name that never changes, of the algorithms that are built in
     learner: ClassVar[str]  # "module:Class" of the class that learns; see segar.experiments.algorithms.learner
 
     name: str
@@ -78,7 +77,6 @@ class PPOConfig(AlgorithmConfig):
     """PPO; the defaults are the paper's (Table 1), and the 2022 code's where the table is silent."""
 
     name: str = "ppo"
-    kind: ClassVar[str] = "ppo"
     learner: ClassVar[str] = "segar.experiments.algorithms.ppo:PPO"
 
     num_steps: Count = 30  # per environment and update
@@ -95,9 +93,8 @@ class PPOConfig(AlgorithmConfig):
     entropy_coef: NotNegative = 3e-4
     critic_coef: NotNegative = 0.1  # of half the squared error
     max_grad_norm: Positive = 10.0
-    reward_transform: RewardTransform = (
-        "none"  # what the learner sees of rewards: see experiments/collection/rewards.py
-    )
+    # What the learner sees of rewards: see experiments/collection/rewards.py.
+    reward_transform: RewardTransform = "none"
     reward_scale: Positive = 1.0  # times this
     reward_normalise: bool = False  # and divided by the standard deviation of discounted returns so far
     encoder: Encoder = "impala"  # the CNN that reads frames; mlp: frames are refused. Vectors are read by an MLP
@@ -109,9 +106,8 @@ class PPOConfig(AlgorithmConfig):
     min_log_std: float = -3.0
     max_log_std: float = 2.0
     device: str = "cpu"  # where networks compute: cpu, cuda, cuda:1
-    overlap: bool = added_later(
-        False
-    )  # collect the next rollout, with the present weights, while learning from this one
+    # Collect the next rollout, with the present weights, while learning from this one.
+    overlap: bool = added_later(False)
     compile: bool = added_later(False)  # the loss, by torch.compile; on a GPU it is replayed as CUDA graphs
     # Where environments run: cpu, or cuda, which is the GPU of ``device``.
     env_device: EnvDevice = added_later("cpu")
@@ -137,7 +133,6 @@ class RecurrentPPOConfig(PPOConfig):
     """PPO's settings and those of the memory."""
 
     name: str = "ppo_recurrent"
-    kind: ClassVar[str] = "ppo_recurrent"
     learner: ClassVar[str] = "segar.experiments.algorithms.recurrent_ppo:RecurrentPPO"
 
     core: Core = "gru"  # or lstm
@@ -179,7 +174,6 @@ class CURLConfig(AuxiliaryConfig):
     """CURL; the defaults are the paper's protocol, with a window for every frame instead of one for all of a batch."""
 
     name: str = "curl"
-    kind: ClassVar[str] = "curl"
     learner: ClassVar[str] = "segar.experiments.algorithms.curl:CURL"
 
     crop: Window = 0.8
@@ -191,7 +185,6 @@ class SPRConfig(AuxiliaryConfig):
     """SPR; the defaults are the paper's protocol, on sequences of all environments that end with their episode."""
 
     name: str = "spr"
-    kind: ClassVar[str] = "spr"
     learner: ClassVar[str] = "segar.experiments.algorithms.spr:SPR"
 
     crop: Window = 0.8
@@ -214,7 +207,6 @@ class DrACConfig(PPOConfig):
     """DrAC; with several augmentations it is UCB-DrAC. The defaults of what it adds to PPO are its authors'."""
 
     name: str = "drac"
-    kind: ClassVar[str] = "drac"
     learner: ClassVar[str] = "segar.experiments.algorithms.drac:DrAC"
 
     # The changes among which the upper confidence bound chooses. Those that flip or rotate frames are left out, because
@@ -240,7 +232,6 @@ class PPGConfig(PPOConfig):
     """PPG; the defaults of what it adds to PPO are its authors'."""
 
     name: str = "ppg"
-    kind: ClassVar[str] = "ppg"
     learner: ClassVar[str] = "segar.experiments.algorithms.ppg:PPG"
 
     shared: bool | None = False  # always: that policy and value have networks of their own is what PPG is about
@@ -296,7 +287,6 @@ class SACConfig(OffPolicyConfig):
     """SAC; the defaults are those of Haarnoja et al. (2018b) but for the number of environments and the replay."""
 
     name: str = "sac"
-    kind: ClassVar[str] = "sac"
     learner: ClassVar[str] = "segar.experiments.algorithms.sac:SAC"
 
     widths: Widths = (256, 256)  # of the hidden layers of policy and critics
@@ -315,7 +305,6 @@ class DrQConfig(SACConfig):
     """DrQ; the defaults are the 2022 code's, but for its encoder and its mask, which was 0 on every step."""
 
     name: str = "drq"
-    kind: ClassVar[str] = "drq"
     learner: ClassVar[str] = "segar.experiments.algorithms.drq:DrQ"
 
     num_envs: Count = 1
@@ -343,8 +332,9 @@ def check_minibatches(config: PPOConfig, most: int, wanted: str) -> None:
     require(config.minibatches <= most, "algorithm.minibatches", config.minibatches, wanted)
 
 
+# By their default names, which never change, because names of runs hold them.
 KINDS: Mapping[str, type[PPOConfig] | type[SACConfig]] = {
-    cls.kind: cls
+    cls.name: cls
     for cls in (PPOConfig, RecurrentPPOConfig, CURLConfig, SPRConfig, DrACConfig, PPGConfig, SACConfig, DrQConfig)
 }
 
@@ -360,7 +350,7 @@ def named_class(cls: type[Any], known: Mapping[str, type[Any]]) -> dict[str, str
 
     A sub-class of a known one has its ``kind`` but is another.
     """
-    kind = getattr(cls, "kind", "")
+    kind = getattr(cls, "name", "")
     return {"kind": kind} if known.get(kind) is cls else {TARGET: f"{cls.__module__}.{cls.__qualname__}"}
 
 
@@ -380,4 +370,4 @@ def class_of(settings: Mapping[str, Any], base: type[T], known: Mapping[str, typ
 
 def algorithm_class(settings: Mapping[str, Any]) -> type[AlgorithmConfig]:
     """The class that the settings of an algorithm name, PPO's where they name none; see :func:`class_of`."""
-    return class_of(settings, AlgorithmConfig, KINDS, PPOConfig.kind)
+    return class_of(settings, AlgorithmConfig, KINDS, PPOConfig.name)

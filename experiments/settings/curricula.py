@@ -24,7 +24,6 @@ class CurriculumConfig(Settings):
     """
 
     group: ClassVar[str] = "curriculum"
-    kind: ClassVar[str]  # a short name that never changes, of the curricula that are built in
     chooser: ClassVar[str]  # "module:Class" of what chooses levels; see segar.experiments.curricula.curriculum
     needs_scores: ClassVar[bool] = True  # whether it learns from the rollouts of an on-policy algorithm
     needs_stream: ClassVar[bool] = False  # whether it plays levels beyond any fixed set, so that they must be endless
@@ -38,7 +37,6 @@ class UniformConfig(CurriculumConfig):
     """Every level of a fixed set equally often, or every level of an endless stream once."""
 
     name: str = "uniform"
-    kind: ClassVar[str] = "uniform"
     chooser: ClassVar[str] = "segar.experiments.curricula.uniform:Uniform"
     needs_scores: ClassVar[bool] = False
 
@@ -64,7 +62,6 @@ class PLRConfig(ReplayConfig):
     """PLR; the defaults are those of Jiang et al. (2021) for Procgen, but for the score."""
 
     name: str = "plr"
-    kind: ClassVar[str] = "plr"
     chooser: ClassVar[str] = "segar.experiments.curricula.plr:PLR"
 
 
@@ -73,7 +70,6 @@ class RobustPLRConfig(ReplayConfig):
     """Robust PLR (Jiang et al. 2021b): new levels are only scored, and the agent learns on replayed levels alone."""
 
     name: str = "plr_robust"
-    kind: ClassVar[str] = "plr_robust"
     chooser: ClassVar[str] = "segar.experiments.curricula.robust_plr:RobustPLR"
     needs_stream: ClassVar[bool] = True
 
@@ -88,7 +84,6 @@ class ACCELConfig(RobustPLRConfig):
     """ACCEL (Parker-Holder et al. 2022): robust PLR, in which replayed levels are mutated, too."""
 
     name: str = "accel"
-    kind: ClassVar[str] = "accel"
     chooser: ClassVar[str] = "segar.experiments.curricula.accel:ACCEL"
 
     replay: Replay = 0.8
@@ -101,7 +96,6 @@ class SFLConfig(CurriculumConfig):
     """SFL (Rutherford et al. 2024): levels of high learnability, p (1 - p) of the share p of episodes that succeed."""
 
     name: str = "sfl"
-    kind: ClassVar[str] = "sfl"
     chooser: ClassVar[str] = "segar.experiments.curricula.sfl:SFL"
 
     interval: Count = 50_000  # frames between two choices
@@ -117,8 +111,9 @@ class SFLConfig(CurriculumConfig):
         require(self.kept <= self.candidates, "curriculum.kept", self.kept, f"at most candidates, {self.candidates}")
 
 
+# By their default names, which never change, because names of runs hold them.
 CURRICULA: Mapping[str, type[CurriculumConfig]] = {
-    cls.kind: cls for cls in (UniformConfig, PLRConfig, RobustPLRConfig, ACCELConfig, SFLConfig)
+    cls.name: cls for cls in (UniformConfig, PLRConfig, RobustPLRConfig, ACCELConfig, SFLConfig)
 }
 
 

@@ -16,13 +16,8 @@ from segar.experiments.settings.own_code import add_module_path, without_files
 from segar.experiments.settings.run import RunConfig
 
 T = TypeVar("T")
-NAMING = (
-    "levels",
-    "task",
-    "observation",
-    "algorithm",
-    "curriculum",
-)  # the settings that may name objects and level files
+# The settings that may name objects and level files.
+NAMING = ("levels", "task", "observation", "algorithm", "curriculum")
 
 
 def run_config(data: Mapping[str, Any]) -> RunConfig:

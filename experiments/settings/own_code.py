@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from segar.errors import SegarError
+from segar.experiments.settings.checks import path_of
 from segar.experiments.settings.errors import ConfigError
 from segar.support import module_in_file, named_object, object_name, resolve, sha256_of
 
@@ -34,10 +35,7 @@ def without_files(settings: Any, place: str = "", folder: Path | None = None) ->
         ConfigError: a file that is named does not exist, or cannot be imported as a module.
     """
     if isinstance(settings, Mapping):
-        return {
-            key: without_files(value, f"{place}.{key}" if place else str(key), folder)
-            for key, value in settings.items()
-        }
+        return {key: without_files(value, path_of(place, key), folder) for key, value in settings.items()}
     if isinstance(settings, list | tuple):
         return [without_files(one, place, folder) for one in settings]
     if not isinstance(settings, str):
