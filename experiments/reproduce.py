@@ -281,7 +281,7 @@ def carry_out(work: Work) -> dict[str, float]:
 def run_study(study: StudyTask) -> None:
     """Runs a study in a process of its own; raises :class:`TrainingError` if it fails."""
     study.out.mkdir(parents=True, exist_ok=True)
-    if not run_plugin(STUDIES, study.study, study.out, dict(study.options)):
+    if not run_plugin(STUDIES, study.study, study.out, study.options):
         raise TrainingError(f"the study {study.study} failed")
     write_json(study.done_file, study.request())
 
@@ -368,10 +368,10 @@ def failures(failed: Sequence[JobResult], pieces: int, finished: bool) -> str:
     return "\n".join(lines)
 
 
-def build(config: DictConfig) -> ReproduceConfig:
-    """Hydra's result as settings."""
+def build(config: DictConfig, **stated: Any) -> ReproduceConfig:
+    """Hydra's result as settings, but for those that are ``stated``."""
     data = to_plain(config)
-    own = {key: data.pop(key) for key in SETTINGS}
+    own = {key: data.pop(key) for key in SETTINGS} | stated
     return construct(ReproduceConfig, own, "", run=run_config(data))
 
 

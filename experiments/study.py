@@ -53,16 +53,16 @@ Settings, as name=value:
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from omegaconf import DictConfig
 
-from segar.experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, run_command, to_plain
+from segar.experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, run_command
 from segar.experiments.reproduce import SETTINGS, ReproduceConfig, reproduce
+from segar.experiments.reproduce import build as reproduction
 from segar.experiments.reproduction.study_file import StudyFile, check_settings, fields_text, read_study, schema
-from segar.experiments.settings import ConfigError, construct, run_config
+from segar.experiments.settings import ConfigError
 
 
 def study_of(arguments: Sequence[str]) -> tuple[StudyFile, list[str]]:
@@ -83,10 +83,7 @@ def study_of(arguments: Sequence[str]) -> tuple[StudyFile, list[str]]:
 
 def build(study: StudyFile, config: DictConfig) -> ReproduceConfig:
     """Hydra's result, with the study, as settings."""
-    data = to_plain(config)
-    own: Mapping[str, Any] = {key: data.pop(key) for key in SETTINGS}
-    grids = {study.name: study.experiment}
-    return construct(ReproduceConfig, {**own, "grids": grids, "study": study.as_data()}, "", run=run_config(data))
+    return reproduction(config, grids={study.name: study.experiment}, study=study.as_data())
 
 
 @ends_with_its_reader()

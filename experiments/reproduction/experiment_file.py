@@ -93,9 +93,8 @@ def check_vary(place: str, vary: Mapping[str, Any]) -> None:
     """Raises :class:`ConfigError` unless each setting has a list of values, and is none that the grid has a name for."""
     for name, values in vary.items():
         require(name not in OF_GRID, f"{place}.{name}", name, f"varied by grid.{OF_GRID.get(name)}")
-        require(isinstance(values, list | tuple) and bool(values), f"{place}.{name}", values, "a list of values")
-        once = len({*map(repr, values)}) == len(values)
-        require(once, f"{place}.{name}", values, "a list of values, each once")
+        holds = isinstance(values, list | tuple) and 0 < len({*map(repr, values)}) == len(values)
+        require(holds, f"{place}.{name}", values, "a list of values, each once")
 
 
 def check_variation(place: str, name: str) -> None:

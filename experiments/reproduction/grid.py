@@ -63,11 +63,9 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
         run = dataclasses.replace(
             cell,
             levels=dataclasses.replace(cell.levels, seed=level_set, variation=variation, design=design),
-            algorithm=base.algorithm
-            if algorithm == BASE
-            else on_device_of(base, setting("algorithm", algorithm).algorithm),
-            observation=base.observation if observation == BASE else setting("observation", observation).observation,
-            task=base.task if task == BASE else setting("task", task).task,
+            algorithm=on_device_of(base, chosen("algorithm", algorithm, base)),
+            observation=chosen("observation", observation, base),
+            task=chosen("task", task, base),
             scale=dataclasses.replace(scale, frames=frames),
             evaluation=dataclasses.replace(base.evaluation, interval=interval),
         )
@@ -158,7 +156,15 @@ def compares_panels(panels: Iterable[Hashable], given: Iterable[Iterable[Hashabl
     return several and not any(len({*zip(names, panels, strict=True)}) == len({*names}) for names in map(list, given))
 
 
+def chosen(group: str, name: str | None, base: RunConfig) -> Any:
+    """The settings of a group that its choice of this name states, or those of ``base``.
+
+    Raises:
+        ConfigError: there is no such choice.
+    """
+    return getattr(base if name in (BASE, None) else _composed(f"{group}={name}"), group)
+
+
 @cache
-def setting(group: str, name: str) -> RunConfig:
-    """The settings that a file of ``conf/<group>`` states; raises :class:`ConfigError` if there is no such file."""
-    return compose([f"{group}={name}"])
+def _composed(choice: str) -> RunConfig:
+    return compose([choice])

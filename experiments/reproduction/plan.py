@@ -22,7 +22,7 @@ from segar.experiments.reproduction.checks import (
     untestable_claims,
 )
 from segar.experiments.reproduction.experiment_file import Experiment, TransferConfig, other_panel
-from segar.experiments.reproduction.grid import grid_runs, setting
+from segar.experiments.reproduction.grid import chosen, grid_runs
 from segar.experiments.reproduction.imported_results import ImportedResults
 from segar.experiments.runs.executed_code import changed_parts, executed_code
 from segar.experiments.runs.files import read_json
@@ -58,7 +58,7 @@ class StudyTask:
 
     name: str
     study: str
-    options: tuple[tuple[str, Any], ...]
+    options: Mapping[str, Any]
     out: Path
 
     @property
@@ -68,7 +68,7 @@ class StudyTask:
 
     def request(self) -> dict[str, Any]:
         """The plug-in that was asked for, with its options."""
-        return {"study": self.study, "options": dict(self.options)}
+        return {"study": self.study, "options": self.options}
 
 
 @dataclass(frozen=True)
@@ -155,11 +155,7 @@ def make_plan(
         )
         for name, works in members.items()
     }
-    studies = [
-        StudyTask(e.name, e.study, tuple(e.options.items()), results / "studies" / e.name)
-        for e in experiments
-        if e.study
-    ]
+    studies = [StudyTask(e.name, e.study, e.options, results / "studies" / e.name) for e in experiments if e.study]
     fate = "They are made anew" if base.stale == "anew" else "Finished ones are kept as they are"
     told = f"{changed}. {fate} (stale={base.stale})." if changed else ""
     return ReproductionPlan(tuple(experiments), members, tuple(union.values()), tuple(studies), told)
@@ -213,9 +209,7 @@ def transfer_of(transfer: TransferConfig, run: RunConfig) -> Transfer | None:
     if panel is None:
         return None
     variation = run.levels.variation if transfer.variation is None else transfer.variation
-    observation = (
-        run.observation if transfer.observation is None else setting("observation", transfer.observation).observation
-    )
+    observation = chosen("observation", transfer.observation, run)
     if (panel, variation, observation) == (cell.panel, run.levels.variation, run.observation):
         return None  # what the run is tested on anyway
     parts = [panel if panel != cell.panel else "", transfer.variation or "", transfer.observation or ""]

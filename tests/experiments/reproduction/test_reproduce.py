@@ -209,7 +209,7 @@ def test_a_study_that_fails_is_told_with_its_log(tmp_path, register):
         reproduce(asked(tmp_path, {"none": study}), None, finish_nothing)
     assert "none: TrainingError: the study broken failed" in str(told.value)
     assert "ValueError: no such file" in (asked(tmp_path).folder / "logs" / "none.log").read_text()
-    assert StudyTask("none", "a", (), tmp_path).done_file.name == "study.json"
+    assert StudyTask("none", "a", {}, tmp_path).done_file.name == "study.json"
 
 
 def test_a_study_that_is_not_known_is_an_error_before_anything_is_trained(tmp_path):
