@@ -55,7 +55,8 @@ def shift_effects(causes: pd.DataFrame) -> dict[tuple[str, str, int], float]:
 
 def effects_on(name: str, causes: pd.DataFrame) -> pd.DataFrame:
     """The effect of each group on each row that played the twins of a suite, mean over seeds: columns ``row``, ``group``,
-    ``differs``, ``effect``, ``effect_low``, ``effect_high``, ``runs``."""
+    ``differs``, ``estimate``, ``low``, ``high``, ``runs``."""
     of_suite = keep(causes, causes["suite"] == name)
     found = [profile_of_causes(part).assign(row=row) for row, part in of_suite.groupby("row", sort=True, dropna=False)]
-    return pd.concat(found, ignore_index=True)
+    names = {"effect": "estimate", "effect_low": "low", "effect_high": "high"}
+    return pd.concat(found, ignore_index=True).rename(columns=names)

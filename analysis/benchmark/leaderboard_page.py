@@ -252,13 +252,9 @@ def causes_text(causes: pd.DataFrame, members: Sequence[str]) -> str:
     for name, effects in found.items():
         for (group, differs), part in effects.groupby(["group", "differs"], sort=False, dropna=False):  # type: ignore[misc]
             of = {one["row"]: one for one in part.to_dict("records")}
-            cells = [interval(_as_estimate(of[row])) if row in of else "–" for row in rows]
+            cells = [interval(of[row]) if row in of else "–" for row in rows]
             lines.append([name, f"**{group}**" if differs else group, *cells])
     return markdown(["suite", "group", *(f"`{row}`" for row in rows)], lines, texts=2)
-
-
-def _as_estimate(line: Mapping[str, float]) -> dict[str, float]:
-    return {name: line[f"effect{end}"] for name, end in (("estimate", ""), ("low", "_low"), ("high", "_high"))}
 
 
 def rows_on(name: str, table: pd.DataFrame) -> str:

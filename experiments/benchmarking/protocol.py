@@ -5,7 +5,7 @@ from pathlib import Path
 
 from segar.errors import did_you_mean
 from segar.experiments.settings import ConfigError
-from segar.suites import CORE, Suite, outline, suites
+from segar.suites import CORE, suites
 from segar.support import ROWS
 
 ALL = "all"  # all suites that come with SEGAR
@@ -44,14 +44,9 @@ def suites_named(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def is_about_looks(suite: str) -> bool:
-    """Whether training and test of a suite differ in textures alone, which only frames show."""
-    return bool(outline(suite)["textures"])
-
-
-def piece_name(suite: str | Suite, seed: int) -> str:
+def piece_name(suite: str, seed: int) -> str:
     """The name of the part of a row that is one suite with one seed."""
-    return f"{suite if isinstance(suite, str) else suite.name}-s{seed}"
+    return f"{suite}-s{seed}"
 
 
 def row_folder(name: str, places: Sequence[Path]) -> Path:

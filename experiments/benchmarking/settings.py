@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from segar.experiments.benchmarking.policy_process import SECONDS
-from segar.experiments.benchmarking.protocol import BUDGETS, ONNX, PLAYERS, SHIPPED, is_about_looks, suites_named
+from segar.experiments.benchmarking.protocol import BUDGETS, ONNX, PLAYERS, SHIPPED, suites_named
 from segar.experiments.benchmarking.row import NAME, ROW, TRAINED, Method, Row
 from segar.experiments.runs.run_folder import runs_root
 from segar.experiments.settings import (
@@ -20,7 +20,7 @@ from segar.experiments.settings import (
     require_known,
     run_config,
 )
-from segar.suites import TEXTURED
+from segar.suites import TEXTURED, outline
 from segar.support import EVERYTHING
 
 ROWS = "benchmark"  # the folder of rows, under the root of runs
@@ -95,7 +95,7 @@ class BenchmarkConfig:
         chosen = suites_named(self.suites)
         shows_textures = self.run.observation.name in {*TEXTURED, *TEXTURED.values()}
         sees_no_textures = not self.player and not self.actions and not shows_textures
-        return tuple(name for name in chosen if not (sees_no_textures and is_about_looks(name)))
+        return tuple(name for name in chosen if not (sees_no_textures and outline(name)["textures"]))
 
     def all_seeds(self) -> range:
         """The seeds."""

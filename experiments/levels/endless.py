@@ -31,15 +31,13 @@ class Stream:
 
     def take(self, n: int) -> Levels:
         """The next ``n`` levels, and goes on behind them."""
-        block = self.block
-        if block is None or self.used + n > len(block):
+        if self.block is None or self.used + n > len(self.block):
             apart = {} if self.apart_from is None else {"apart_from": self.apart_from}
             drawn: Levels = self.distribution.sample(
                 max(n, BLOCK), seed=self.seed, split="train", start=self.next, **apart
             )
-            block, self.used = drawn, 0
-        self.block = block
-        levels = block[self.used : self.used + n]
+            self.block, self.used = drawn, 0
+        levels = self.block[self.used : self.used + n]
         self.used += n
         self.next = int(levels.provenance.indices[-1]) + 1
         return levels

@@ -30,11 +30,7 @@ def with_prior(prior: Prior) -> Variation:
 
 def with_parameter(parameter: type[Parameter], value: Any) -> Variation:
     """The variation that gives a world parameter another value or distribution."""
-
-    def vary(dist: LevelDistribution) -> LevelDistribution:
-        return dataclasses.replace(dist, parameters={**dict(dist.parameters), parameter: value})
-
-    return vary
+    return lambda dist: dataclasses.replace(dist, parameters={**dict(dist.parameters), parameter: value})
 
 
 def with_rules(change: Callable[[tuple[Any, ...]], tuple[Any, ...]]) -> Variation:

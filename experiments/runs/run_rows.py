@@ -139,8 +139,7 @@ def copies_warning(rows: Iterable[RunRow]) -> str:
     found = [f"{', '.join(row.copies)} beside {row.folder}, which counts" for row in rows if row.copies]
     if not found:
         return ""
-    more = f"; and so do {len(found) - NAMED} more runs" * (len(found) > NAMED)
-    return f"warning: the same run lies in several folders, and counts once: {'; '.join(found[:NAMED])}{more}"
+    return f"warning: the same run lies in several folders, and counts once: {_some(found, '; ')}"
 
 
 def named_settings(rows: Sequence[RunRow]) -> list[str]:
@@ -243,9 +242,9 @@ def seen_warning(runs: Sequence[RunRow]) -> str:
     )
 
 
-def _some(names: Sequence[str]) -> str:
+def _some(names: Sequence[str], between: str = ", ") -> str:
     """The first names, and how many more there are."""
-    return ", ".join(names[:NAMED]) + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+    return between.join(names[:NAMED]) + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
 
 
 def score_warnings(runs: Sequence[RunRow]) -> list[str]:
@@ -253,12 +252,10 @@ def score_warnings(runs: Sequence[RunRow]) -> list[str]:
     found the best known return; none where all scores can be compared."""
     found = []
     if left_out := [row for row in runs if row.unscored]:
-        more = f" and of {len(left_out) - NAMED} more" * (len(left_out) > NAMED)
-        each = "; ".join(f"that of {row.folder.name}{row.unscored}" for row in left_out[:NAMED])
+        each = _some([f"that of {row.folder.name}{row.unscored}" for row in left_out], "; ")
         found.append(
             f"warning: score and regret are left out where the evaluation is by other code or of other weights than the run's:"
-            f" {each}{more}."
-            " Evaluate again, with the run's code: segar evaluate run=FOLDER levels=test"
+            f" {each}. Evaluate again, with the run's code: segar evaluate run=FOLDER levels=test"
         )
     sizes = sorted({row.planner for row in runs if row.planner})
     if len(sizes) > 1:
