@@ -9,8 +9,7 @@ import numpy as np
 
 import segar
 from benchmarks.measure import Row
-from segar.experiments.benchmarking.drawn import policy_process
-from segar.experiments.benchmarking.policy_process import ROWS
+from segar.experiments.benchmarking.policy_process import ROWS, PolicyProcess
 from segar.suites import suite
 
 BATCHES = 200
@@ -27,7 +26,7 @@ def policies(repeats: int) -> Iterator[Row]:
     env = segar.envs.VectorEnv(of.test_levels[np.arange(ROWS) % len(of.test_levels)], ROWS, seed=0, task=of.task)
     observations, _ = env.reset(seed=0)
     rates = []
-    with policy_process("benchmarks.policies:constant", of, 1, {"task": of.task}) as policy:
+    with PolicyProcess("benchmarks.policies:constant", of, 1, {"task": of.task}) as policy:
         policy.begin(env)
         for _ in range(repeats):
             began = time.perf_counter()

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from segar.envs import Policy, VectorEnv
+from segar.envs import Policy
 from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scripted, record_actions
 from segar.experiments.benchmarking.level_sets import number_of_levels
-from segar.experiments.benchmarking.playing import SEED, options_of, play_each, policy_in, read_actions
+from segar.experiments.benchmarking.playing import options_of, play_each, policy_in, read_actions
 from segar.experiments.benchmarking.policy_process import SECONDS, PolicyProcess
 from segar.experiments.benchmarking.row import RANDOM_PLAYS, Drawn, Method, Piece
 from segar.experiments.runs.files import read_json
@@ -133,7 +133,7 @@ def _acting(
         return
     options["unit_actions"] = False
     name = method.settings["policy"]
-    with policy_process(name, of, piece.seed, options, seconds) as policy:
+    with PolicyProcess(name, of, piece.seed, options, seconds) as policy:
         before, after = read_actions(file)["test"], record_actions(policy, of.test_levels, **options)
         if before.shape != after.shape or (before != after).any():
             raise ConfigError(
@@ -141,12 +141,3 @@ def _acting(
                 " was made. It must give the same policy each time: train once, keep the weights, and load them"
             )
         yield policy, options
-
-
-def policy_process(name: str, of: Suite, seed: int, options: dict[str, Any], seconds: float = SECONDS) -> PolicyProcess:
-    """A method of somebody else's in a process of its own, for environments with these options."""
-    env = VectorEnv(of.test_levels, 1, seed=SEED, **options)
-    try:
-        return PolicyProcess(name, of.training_side(seed), env, seconds)
-    finally:
-        env.close()

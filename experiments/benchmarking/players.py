@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from segar.evaluation import record_actions
-from segar.experiments.benchmarking.drawn import policy_process
 from segar.experiments.benchmarking.level_sets import LevelSet, hashes_of, plays_twins, sets_of
 from segar.experiments.benchmarking.playing import (
     options_of,
@@ -17,7 +16,7 @@ from segar.experiments.benchmarking.playing import (
     read_actions,
     write_actions,
 )
-from segar.experiments.benchmarking.policy_process import SECONDS
+from segar.experiments.benchmarking.policy_process import SECONDS, PolicyProcess
 from segar.experiments.benchmarking.protocol import ONNX, SIDES, piece_name
 from segar.experiments.benchmarking.row import Method, Piece, file_hash, read_piece, write_piece
 from segar.experiments.runs.files import write_bytes
@@ -94,5 +93,5 @@ def actions_of(
     options = {
         side: {**options_of(of, task.method, sets["train"].levels, side), "unit_actions": False} for side in SIDES
     }
-    with policy_process(task.policy, of, task.seed, options["train"], task.seconds) as policy:
+    with PolicyProcess(task.policy, of, task.seed, options["train"], task.seconds) as policy:
         return {key: record_actions(policy, one.levels, **options[one.side]) for key, one in sets.items()}, policy.code

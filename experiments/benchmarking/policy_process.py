@@ -24,7 +24,7 @@ from segar.evaluation import checked_actions
 from segar.experiments.runs.executed_code import code_after, code_of
 from segar.experiments.settings import ConfigError, TrainingError, import_object, without_files
 from segar.language import Task
-from segar.suites import TrainingSide, hide_tests
+from segar.suites import Suite, TrainingSide, hide_tests
 
 ROWS = 512  # of a batch, at most
 SECONDS = 600.0  # the longest wait for an answer, unless the settings say another one
@@ -46,7 +46,8 @@ class PolicyProcess:
     """The policy that ``name``, ``module:function``, makes of a training side, in a process that ends with :meth:`close`.
 
     Args:
-        env: of the kind that is played; gives the spaces.
+        of, seed: the suite, and which training side of it.
+        options: of the environments that are played, whose spaces it is given.
         seconds: the longest wait for each answer, that of the function itself included.
 
     Attributes:
@@ -57,8 +58,10 @@ class PolicyProcess:
         TrainingError: the process ended, or does not answer.
     """
 
-    def __init__(self, name: str, side: TrainingSide, env: VectorEnv, seconds: float = SECONDS) -> None:
-        self.name, self.seconds = name, seconds
+    def __init__(self, name: str, of: Suite, seed: int, options: Mapping[str, Any], seconds: float = SECONDS) -> None:
+        self.name, self.seconds, side = name, seconds, of.training_side(seed)
+        env = VectorEnv(of.test_levels, 1, seed=0, **options)
+        env.close()
         context = multiprocessing.get_context("spawn")
         spaces = env.single_observation_space, env.single_action_space
         memory = [create_shared_memory(space, ROWS, context) for space in spaces]

@@ -2,7 +2,7 @@
 made them."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
@@ -21,15 +21,13 @@ ADVICE = (
 )
 
 
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path) -> AbstractContextManager[Path]:
     """A path beside ``path`` to write to; it takes the place of ``path`` when the block ends without error.
 
     Raises:
         RunFolderError: the system refuses, for example because the disk is full; what was at ``path`` is untouched.
     """
-    with files.replacing(path, path.name, RunFolderError, ADVICE, folder=True) as beside:
-        yield beside
+    return files.replacing(path, path.name, RunFolderError, ADVICE, folder=True)
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -25,7 +25,7 @@ import json
 import os
 import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -146,11 +146,9 @@ def use_run_folder(config: RunConfig) -> Iterator[Path]:
         yield folder
 
 
-@contextmanager
-def lock(folder: Path) -> Iterator[None]:
+def lock(folder: Path) -> AbstractContextManager[None]:
     """Keeps other processes out of a run folder inside the block; raises :class:`RunFolderError` if one is at work there."""
-    with locked(folder, RunFolderError, "wait for it, or choose folder=..."):
-        yield
+    return locked(folder, RunFolderError, "wait for it, or choose folder=...")
 
 
 def is_locked(folder: Path) -> bool:

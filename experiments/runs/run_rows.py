@@ -152,17 +152,13 @@ def named_settings(rows: Sequence[RunRow]) -> list[str]:
 
 def in_short(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[str]:
     """The names of settings without those of algorithms that ``algorithm.name`` decides in these rows, for people to read."""
-    by_name: dict[str, dict[str, set[str]]] = {}
-    for row in rows:
-        for name in names:
-            by_name.setdefault(name, {}).setdefault(str(row.get("algorithm.name")), set()).add(str(row.get(name)))
-    several = len({str(row.get("algorithm.name")) for row in rows}) > 1
-    decided = {
-        name
-        for name in names
-        if several and name.startswith("algorithm.") and all(len(values) == 1 for values in by_name[name].values())
-    }
-    return [name for name in names if name == "algorithm.name" or name not in decided]
+    algorithms = {str(row.get("algorithm.name")) for row in rows}
+
+    def is_decided(name: str) -> bool:
+        pairs = {(str(row.get("algorithm.name")), str(row.get(name))) for row in rows}
+        return name.startswith("algorithm.") and len(pairs) == len(algorithms) > 1
+
+    return [name for name in names if name == "algorithm.name" or not is_decided(name)]
 
 
 def as_columns(rows: Sequence[RunRow]) -> list[dict[str, Any]]:

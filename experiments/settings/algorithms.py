@@ -13,6 +13,7 @@ from segar.experiments.settings.checks import (
     Settings,
     Share,
     Widths,
+    Window,
     one_of,
     require,
     require_known,
@@ -43,7 +44,6 @@ EnvDevice = Annotated[str, one_of("cpu", "cuda")]
 Core = Annotated[str, one_of("gru", "lstm")]
 PredictionModel = Annotated[str, one_of("action_projection", "transition")]
 Augmentation = Annotated[str, one_of(*AUGMENTATIONS)]
-Window = Annotated[float, that(lambda x: 0 < x <= 1, "more than 0, and at most 1")]
 Tau = Annotated[float, that(lambda x: 0 < x <= 0.5, "more than 0, and at most 0.5")]
 TauOr1 = Annotated[float, that(lambda x: 0 < x <= 0.5 or x == 1, "more than 0 and at most 0.5, or 1")]
 

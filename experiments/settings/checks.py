@@ -119,6 +119,8 @@ Positive = Annotated[float, that(lambda x: x > 0, "more than 0")]
 PositiveOrNull = Annotated[float | None, that(lambda x: x is None or x > 0, "more than 0, or null")]
 NotNegative = Annotated[float, that(lambda x: x >= 0, "0 or more")]
 Share = Annotated[float, that(lambda x: 0 <= x <= 1, "between 0 and 1")]
+Window = Annotated[float, that(lambda x: 0 < x <= 1, "more than 0, and at most 1")]
+Samples = Annotated[int, that(lambda n: n >= 8, "at least 8")]  # candidates of a planner's search
 Seed = Annotated[int, require_seed]
 Widths = Annotated[tuple[int, ...], that(lambda w: bool(w) and min(w) >= 1, "one or more numbers, each at least 1")]
 

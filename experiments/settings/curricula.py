@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 from segar.experiments.settings.algorithms import NAMES_OF_CLASS, class_of
-from segar.experiments.settings.checks import Count, Positive, Settings, Share, one_of, require, that
+from segar.experiments.settings.checks import Count, Positive, Samples, Settings, Share, Window, one_of, require
 from segar.experiments.settings.errors import ConfigError
 
 NO_CURRICULUM = "none"
 SCORES = ("value_l1", "positive_value_loss", "max_mc", "regret")  # see segar.experiments.curricula.scores
 
 Score = Annotated[str, one_of(*SCORES)]
-Replay = Annotated[float, that(lambda x: 0 < x <= 1, "more than 0, and at most 1")]
-Samples = Annotated[int, that(lambda n: n >= 8, "at least 8")]
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class ReplayConfig(CurriculumConfig):
     score: Score = "positive_value_loss"
     temperature: Positive = 0.1  # beta: the k-th best level is replayed in proportion to (1 / k)^(1 / beta)
     staleness: Share = 0.1  # rho: share of replays that go to levels in proportion to the time since they were played
-    replay: Replay = 0.5  # share of episodes on levels that were scored before; the others are on new ones
+    replay: Window = 0.5  # share of episodes on levels that were scored before; the others are on new ones
     capacity: Count = 256  # levels of an endless stream that are kept
     min_scored: Share = 0.5  # share of these, or of the fixed set, that is scored before any level is replayed
     # Of score=regret: candidates of the planner's search per level and iteration, and its iterations.
@@ -86,7 +84,7 @@ class ACCELConfig(RobustPLRConfig):
     name: str = "accel"
     chooser: ClassVar[str] = "segar.experiments.curricula.accel:ACCEL"
 
-    replay: Replay = 0.8
+    replay: Window = 0.8
     children: Positive = 1.0  # mutated levels that are tried per replayed episode
     changes: Count = 1  # of a mutated level
 

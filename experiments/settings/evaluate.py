@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from segar.experiments.settings.checks import Count, Seed, Settings, one_of, that
+from segar.experiments.settings.checks import Count, Samples, Seed, Settings, one_of, that
 from segar.experiments.settings.run import ACTION_MODES, ActionMode
 from segar.support import EVERYTHING
 
 Modes = Annotated[tuple[ActionMode, ...], that(bool, f"one or more of {', '.join(ACTION_MODES)}")]
-Samples = Annotated[int, that(lambda x: x >= 8, "at least 8")]
 Split = Annotated[str, one_of("train", "test")]
 Videos = Annotated[str, one_of("mp4", "gif", "none")]
 
