@@ -98,8 +98,9 @@ def episodes(config: RunConfig, gap: float) -> list[dict[str, Any]]:
 
 def pretend_to_train(config: RunConfig) -> dict[str, float]:
     """Stands for training: leaves the folder of a finished run, and a line in ``trained`` beside it."""
+    cell = grid_point(config)
     with open(Path(str(config.root)) / "trained", "a") as stream:
-        stream.write(f"{grid_point(config)}\n")
+        stream.write(f"{cell.panel} n={cell.count} seed={cell.seed}\n")
     if config.stale == "anew":
         shutil.rmtree(folder_path(config), ignore_errors=True)
     write_run(

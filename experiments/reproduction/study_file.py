@@ -101,12 +101,8 @@ def check_settings(settings: Mapping[str, Any], grid: Mapping[str, Any], place: 
     """Raises :class:`ConfigError` for settings of all runs that say nothing, because the grid of a study says it."""
     varied = grid.get("vary") or {}
     for name in flat(settings):
-        if name in varied:
-            raise ConfigError(
-                f"{place}{name}: it would say nothing beside the grid, which says it for all runs: grid.vary"
-            )
-        by = OF_GRID.get("levels.train" if name == "levels" else name)
-        if by in ALWAYS_OF_GRID or (by in ONLY_HERE and grid.get(by) is not None):
+        by = "vary" if name in varied else OF_GRID.get("levels.train" if name == "levels" else name)
+        if by in ("vary", *ALWAYS_OF_GRID) or (by in ONLY_HERE and grid.get(by) is not None):
             raise ConfigError(
                 f"{place}{name}: it would say nothing beside the grid, which says it for all runs: grid.{by}"
             )

@@ -16,9 +16,6 @@ class GridPoint:
     count: int | str  # training levels, or endless
     seed: int
 
-    def __str__(self) -> str:
-        return f"{self.panel} n={self.count} seed={self.seed}"
-
     @property
     def panel(self) -> str:
         """Family and difficulty, e.g. ``empty-hard``."""

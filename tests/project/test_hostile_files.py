@@ -22,10 +22,10 @@ from segar.envs import Snapshot, VectorEnv
 from segar.errors import SegarError
 from segar.experiments.benchmark import BenchmarkConfig
 from segar.experiments.benchmarking import verification
-from segar.experiments.benchmarking.settings import again
 from segar.experiments.benchmarking.playing import options_of
 from segar.experiments.benchmarking.protocol import SHIPPED
 from segar.experiments.benchmarking.row import ROW, hash_of, read_row
+from segar.experiments.benchmarking.settings import again
 from segar.experiments.benchmarking.verification import verify
 from segar.experiments.evaluation.transfers import Transfer
 from segar.experiments.levels.builders import Prepared
