@@ -80,16 +80,16 @@ def _slot_entropy(plan: SamplingPlan, group: SlotGroup, slot: int) -> float:
     total = Choice(group.types, group.probabilities).entropy()
     for kind, probability in zip(group.types, group.probabilities, strict=True):
         for factor in plan.layout.types[kind].declared:
-            if not factor.width or (factor is Size and log_prob.size_follows_shape(plan, slot, kind)):
+            if not factor.width or (factor is Size and plan.size_follows_shape(slot, kind)):
                 continue
-            noise = log_prob.distribution_of(plan, slot, factor, kind)
+            noise = plan.law(slot, factor, kind)
             if not isinstance(noise, Noise) or (factor is Position and log_prob.is_conditioned(plan)):
                 continue
             if factor is not Order or noise.pmf(0.0) == 0:
                 total += probability * noise.entropy()
-        for outline in plan.outlines:
-            if outline.slot == slot and kind in outline.types and log_prob.outline_is_simple(plan, outline):
-                total += probability * (outline.shapes.entropy() if isinstance(outline.shapes, Choice) else 0.0)
+        outline = plan.outline_of(slot, kind)
+        if outline is not None and log_prob.outline_is_simple(plan, outline):
+            total += probability * outline.choice.entropy()
     return total
 
 

@@ -14,13 +14,13 @@ import numpy as np
 import scipy
 
 from segar.errors import PriorError
-from segar.language import CIRCLE, HULL, BaseShape, Factor, FloorFriction, Friction, Order, Position, Size, Tile
+from segar.language import CIRCLE, HULL, BaseShape, FloorFriction, Friction, Order, Position, Size, Tile
 from segar.levels.level_data import LevelData
-from segar.levels.priors import Prior, factors_needed, factors_read
+from segar.levels.priors import Prior, factors_read
 from segar.levels.sampling.conditional_draws import shift_and_scale, where_prior_applies
 from segar.levels.sampling.placement import too_close
 from segar.levels.sampling.plan import Draw, Outline, SamplingPlan
-from segar.noise import Choice, Deterministic, Noise, as_noise
+from segar.noise import Deterministic, Noise, as_noise
 
 
 @dataclass(frozen=True)
@@ -88,31 +88,12 @@ def is_conditioned(plan: SamplingPlan) -> bool:
     return len(slots) > 1 and (plan.min_distance > 0 or atoms)
 
 
-def distribution_of(plan: SamplingPlan, slot: int, factor: type[Factor], kind: int) -> Noise | Draw:
-    """The distribution of a factor of one slot's entities of one type, or the draw if it depends on other factors."""
-    if factor is Position and slot in plan.fixed_positions:
-        return Deterministic(plan.fixed_positions[slot])
-    draw = plan.draw_of(slot, factor, kind)
-    if draw is None:
-        return plan.constant(kind, factor)
-    simple = len(draw.priors) == 1 and not factors_needed(draw.priors[0])
-    return as_noise(draw.priors[0].value) if simple else draw
-
-
-def size_follows_shape(plan: SamplingPlan, slot: int, kind: int) -> bool:
-    """Whether the size of one slot's entities of one type is that of the shape that is chosen for them."""
-    outlines = [o for o in plan.outlines if o.slot == slot and kind in o.types]
-    return any(isinstance(o.shapes, Choice) and not o.size_is_drawn for o in outlines)
-
-
 def outline_is_simple(plan: SamplingPlan, outline: Outline) -> bool:
     """Whether a level shows which shape was chosen, so that its entropy is that of the choice."""
-    if isinstance(outline.shapes, BaseShape):
-        return not outline.shapes.is_random
-    if any(shape.is_random for shape in outline.shapes.keys):
+    shapes = dict.fromkeys(outline.choice.keys)
+    if any(shape.is_random for shape in shapes):
         return False
-    circles = [shape for shape in dict.fromkeys(outline.shapes.keys) if shape.kind == CIRCLE]
-    return len(circles) < 2 or not _circle_is_hidden(plan, outline)
+    return sum(shape.kind == CIRCLE for shape in shapes) < 2 or not _circle_is_hidden(plan, outline)
 
 
 def _composition(plan: SamplingPlan, levels: LevelData) -> np.ndarray:
@@ -157,11 +138,11 @@ def _add_factors(
     """Add the log probabilities of the factors of one slot's entities of one type."""
     conditioned = is_conditioned(plan)
     for factor in plan.layout.types[kind].declared:
-        if not factor.width or (factor is Size and size_follows_shape(plan, slot, kind)):
+        if not factor.width or (factor is Size and plan.size_follows_shape(slot, kind)):
             continue
         value = levels.sampled_values[rows, slot, plan.columns(factor)]
         value = value if factor.width == 2 else value[:, 0]
-        noise = distribution_of(plan, slot, factor, kind)
+        noise = plan.law(slot, factor, kind)
         if factor is Order and _may_be_zero(noise):
             ranked[rows, slot] = _is_ranked(plan, levels, noise, slot, rows)
         if isinstance(noise, Noise):
@@ -246,9 +227,8 @@ def _ranks(plan: SamplingPlan, levels: LevelData, ranked: np.ndarray) -> np.ndar
 
 def _outline(plan: SamplingPlan, levels: LevelData, outline: Outline, rows: np.ndarray) -> np.ndarray:
     """Log probability of the chosen shape and, if it is random, of its vertices, float64 ``(rows,)``."""
-    noise = Choice([outline.shapes]) if isinstance(outline.shapes, BaseShape) else outline.shapes
     mass, density = np.zeros(len(rows)), np.zeros(len(rows))
-    for shape, p in zip(noise.keys, noise.p or (), strict=True):
+    for shape, p in zip(outline.choice.keys, outline.choice.p or (), strict=True):
         same = _has_shape(plan, levels, outline, shape, rows)
         if not shape.is_random:
             mass[same] += p

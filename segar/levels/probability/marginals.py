@@ -1,8 +1,7 @@
 """The distributions of the factors of a level distribution, slot by slot."""
 
-from segar.language import Factor, FloorFriction, Friction, Order, Position, Size
-from segar.levels.priors import Prior, factors_needed, factors_read
-from segar.levels.sampling.plan import SamplingPlan, SlotGroup
+from segar.language import Factor, FloorFriction, Friction, Order, Size
+from segar.levels.sampling.plan import Draw, SamplingPlan, SlotGroup
 from segar.noise import Choice, Deterministic, DiscreteRangeNoise, Mixture, Noise, as_noise
 
 NoiseByFactor = dict[type[Factor], Noise]
@@ -42,32 +41,17 @@ def slot_distributions(plan: SamplingPlan, group: SlotGroup, place: int, only: i
         for factor in plan.layout.types[kind].declared:
             if not factor.width:
                 continue
-            prior = _drawn(plan, slot, factor, kind)
-            if prior is not None and factors_needed(prior):
+            noise = plan.law(slot, factor, kind)
+            if isinstance(noise, Draw):
                 conditional.add(factor)
                 continue
-            noise = prior.value if prior is not None else _undrawn(plan, slot, factor, kind)
+            outline = plan.outline_of(slot, kind)
+            if factor is Size and outline is not None and plan.size_follows_shape(slot, kind):
+                noise = Choice([shape.size for shape in outline.choice.keys], outline.choice.p)
             if factor is Order and noise == Deterministic(0.0):
                 noise = _rank_distribution(plan, group, place)
             parts.setdefault(factor, []).append((noise, probability))
     return {factor: mix(found) for factor, found in parts.items() if factor not in conditional}
-
-
-def _drawn(plan: SamplingPlan, slot: int, factor: type[Factor], kind: int) -> Prior | None:
-    """The prior that the factor is drawn from, None for a constant; a conditional one where there is any."""
-    draw = plan.draw_of(slot, factor, kind)
-    return draw and next((p for p in draw.priors if factors_read(p)), draw.priors[-1])
-
-
-def _undrawn(plan: SamplingPlan, slot: int, factor: type[Factor], kind: int) -> Noise:
-    """The constant that a factor starts with, or the size of a shape that is chosen."""
-    if factor is Position and slot in plan.fixed_positions:
-        return Deterministic(plan.fixed_positions[slot])
-    if factor is Size:
-        for outline in plan.outlines:
-            if outline.slot == slot and kind in outline.types and isinstance(outline.shapes, Choice):
-                return Choice([shape.size for shape in outline.shapes.keys], outline.shapes.p)
-    return plan.constant(kind, factor)
 
 
 def _rank_distribution(plan: SamplingPlan, group: SlotGroup, place: int) -> Noise:

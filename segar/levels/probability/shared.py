@@ -5,6 +5,7 @@ distributions, and the places of things that were moved out of a wall in both di
 corner. Two levels are the same where :func:`segar.levels.apart.near_levels` says so for a distance of 0.
 """
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +19,6 @@ from segar.language import CIRCLE, HULL, BaseShape, Factor, Position, Size, Tile
 from segar.levels.apart import WITHOUT_EFFECT
 from segar.levels.priors import factors_read
 from segar.levels.probability.entropy import acceptance_of
-from segar.levels.probability.log_prob import distribution_of
 from segar.levels.sampling.placement import ARENA_HIGH, ARENA_LOW, WALL_MARGIN
 from segar.levels.sampling.plan import SamplingPlan, SlotGroup
 from segar.noise import MixtureNoise, Noise, as_noise
@@ -34,11 +34,15 @@ States = dict[tuple[Any, ...], int]
 
 @dataclass(frozen=True)
 class _Atom:
-    """What an entity, or a parameter, is with a probability of ``mass``; where it was drawn, and by which distribution."""
+    """What something is with a probability of ``mass``; of a thing, where it was drawn, and by which distribution."""
 
     mass: float
-    box: Box | None = None
-    place: Noise | None = None
+    boxes: tuple[Box, ...] = ()
+    places: tuple[Noise, ...] = ()
+
+
+Atoms = dict[Any, _Atom]
+"""What something can be to how likely it is that."""
 
 
 def shared_probability(plan: SamplingPlan, other: SamplingPlan, n: int) -> Estimate:
@@ -61,7 +65,7 @@ def shared_probability(plan: SamplingPlan, other: SamplingPlan, n: int) -> Estim
     if not states:  # before rule sets are listed, of which there can be very many
         return Estimate(0.0)
     for one, two in zip(_parameters(plan), _parameters(other), strict=True):
-        states = _joined(states, _common(one, two))
+        states = _joined(states, one, two)
     least = most = 0.0
     for (p, q, boxes, of_p, of_q), number in states.items():
         low, high = _kept(boxes, plan.min_distance)
@@ -77,18 +81,15 @@ def _among(p: float, n: int) -> float:
     return 1.0 if p >= 1 else -math.expm1(n * math.log1p(-p))
 
 
-def _joined(states: States, atoms: list[tuple[_Atom, _Atom]]) -> States:
-    """All combinations of states with atoms; those that count alike are one."""
+def _joined(states: States, mine: Atoms, theirs: Atoms) -> States:
+    """All combinations of states with what both can be; those that count alike are one."""
     found: States = {}
+    common = [(atom, theirs[key]) for key, atom in mine.items() if key in theirs]
     for (p, q, boxes, of_p, of_q), number in states.items():
-        for one, two in atoms:
+        for one, two in common:
             if p * one.mass * q * two.mass < NEGLIGIBLE:
                 continue
-            placed = one.box is not None
-            state = (
-                p * one.mass, q * two.mass, (*boxes, one.box) if placed else boxes,
-                (*of_p, one.place) if placed else of_p, (*of_q, two.place) if placed else of_q,
-            )  # fmt: skip
+            state = p * one.mass, q * two.mass, boxes + one.boxes, of_p + one.places, of_q + two.places
             found[state] = found.get(state, 0) + number
         if len(found) > MOST_STATES:
             raise _too_many()
@@ -102,11 +103,7 @@ def _too_many() -> PriorError:
     )
 
 
-def _common(one: dict[Any, _Atom], two: dict[Any, _Atom]) -> list[tuple[_Atom, _Atom]]:
-    return [(atom, two[key]) for key, atom in one.items() if key in two]
-
-
-def _parameters(plan: SamplingPlan) -> Iterator[dict[Any, _Atom]]:
+def _parameters(plan: SamplingPlan) -> Iterator[Atoms]:
     """The atoms of each world parameter; those of a rule space are together the last."""
     drawn, of_rules = {column: prior.value for column, prior in plan.parameter_priors}, plan.rule_columns
     for column, constant in enumerate(plan.parameters.tolist()):
@@ -117,19 +114,15 @@ def _parameters(plan: SamplingPlan) -> Iterator[dict[Any, _Atom]]:
         return
     space, found = plan.rule_space, {}
     for active, mass in zip(space.combinations.active, space.combinations.probability.tolist(), strict=True):
-        laws = [
-            law
-            for parameter, law in space.laws.items()
-            if any(parameter in o.constants for o, is_active in zip(space.options, active, strict=True) if is_active)
-        ]
-        values = [_line_atoms(law) for law in laws]
+        chosen = [option for option, is_active in zip(space.options, active, strict=True) if is_active]
+        values = [_line_atoms(law) for option in chosen for law in option.constants.values()]
         if len(found) + math.prod(map(len, values)) > MOST_STATES:
             raise PriorError(
                 f"the rule space has more than {MOST_STATES:,} rule sets with a probability; sample, and count"
             )
-        for chosen in product(*(one.items() for one in values)):
-            key = (tuple(active.tolist()), *(value for value, _ in chosen))
-            found[key] = _Atom(mass * math.prod(atom.mass for _, atom in chosen))
+        for constants in product(*(one.items() for one in values)):
+            key = (tuple(active.tolist()), *(value for value, _ in constants))
+            found[key] = _Atom(mass * math.prod(atom.mass for _, atom in constants))
     yield found
 
 
@@ -137,22 +130,22 @@ def _with_group(states: States, plan: SamplingPlan, mine: SlotGroup, other: Samp
     """The states with the entities of one group of slots, which holds as many as both plans can draw."""
     found: States = {}
     for count, (one, two) in enumerate(zip(_counts(mine), _counts(theirs), strict=True)):
-        filled = _joined(states, [(_Atom(one), _Atom(two))] if one and two else [])
+        filled = _joined(states, one, two)
         for slot in mine.slots[:count]:
-            filled = _joined(filled, _common(_entity(plan, mine, slot), _entity(other, theirs, slot))) if filled else {}
+            filled = _joined(filled, _entity(plan, mine, slot), _entity(other, theirs, slot)) if filled else filled
         for state, number in filled.items():
             found[state] = found.get(state, 0) + number
     return found
 
 
-def _counts(group: SlotGroup) -> list[float]:
+def _counts(group: SlotGroup) -> list[Atoms]:
     """The probability of each number of entities."""
-    return [float(as_noise(group.count).pmf(count)) for count in range(len(group.slots) + 1)]
+    return [{(): _Atom(float(as_noise(group.count).pmf(count)))} for count in range(len(group.slots) + 1)]
 
 
-def _entity(plan: SamplingPlan, group: SlotGroup, slot: int) -> dict[Any, _Atom]:
+def _entity(plan: SamplingPlan, group: SlotGroup, slot: int) -> Atoms:
     """What the entity of a slot can be with a probability, if there is one."""
-    found: dict[Any, _Atom] = {}
+    found: Atoms = {}
     for kind, mass in zip(group.types, group.probabilities, strict=True):
         values = _values(plan, slot, kind) if mass else {}
         for shape, of_shape in _shapes(plan, slot, kind) if values else ():
@@ -162,13 +155,13 @@ def _entity(plan: SamplingPlan, group: SlotGroup, slot: int) -> dict[Any, _Atom]
                         key = kind, value, _shape_key(shape), size, place
                         whole = mass * of_shape * of_size * at.mass * atom.mass
                         before = found[key].mass if key in found else 0.0
-                        found[key] = _Atom(before + whole, at.box, at.place)
+                        found[key] = dataclasses.replace(at, mass=before + whole)
     return found
 
 
-def _values(plan: SamplingPlan, slot: int, kind: int) -> dict[Any, _Atom]:
+def _values(plan: SamplingPlan, slot: int, kind: int) -> Atoms:
     """The atoms of all factors that count, but size and position."""
-    found = {(): _Atom(1.0)}
+    found: Atoms = {(): _Atom(1.0)}
     for factor in plan.layout.types[kind].declared:
         if factor.width and factor not in WITHOUT_EFFECT and not issubclass(factor, (Size, Position)):
             atoms = _atoms_of(plan, slot, factor, kind)
@@ -181,9 +174,9 @@ def _values(plan: SamplingPlan, slot: int, kind: int) -> dict[Any, _Atom]:
     return found
 
 
-def _atoms_of(plan: SamplingPlan, slot: int, factor: type[Factor], kind: int) -> dict[Any, _Atom]:
+def _atoms_of(plan: SamplingPlan, slot: int, factor: type[Factor], kind: int) -> Atoms:
     """The atoms of a factor; raises :class:`PriorError` where these depend on other factors."""
-    noise = distribution_of(plan, slot, factor, kind)
+    noise = plan.law(slot, factor, kind)
     if isinstance(noise, Noise):
         return _line_atoms(noise)
     laws = [getattr(prior.value, "law", prior.value) for prior in noise.priors]
@@ -197,12 +190,10 @@ def _atoms_of(plan: SamplingPlan, slot: int, factor: type[Factor], kind: int) ->
 
 def _shapes(plan: SamplingPlan, slot: int, kind: int) -> list[tuple[BaseShape | None, float]]:
     """Shapes that have a probability."""
-    outline = next((one for one in plan.outlines if one.slot == slot and kind in one.types), None)
+    outline = plan.outline_of(slot, kind)
     if outline is None:
         return [(None, 1.0)]
-    if isinstance(outline.shapes, BaseShape):
-        return [] if outline.shapes.is_random else [(outline.shapes, 1.0)]
-    chosen = zip(outline.shapes.keys, outline.shapes.p or (), strict=True)
+    chosen = zip(outline.choice.keys, outline.choice.p or (), strict=True)
     return [(shape, p) for shape, p in chosen if p and not shape.is_random]
 
 
@@ -214,18 +205,17 @@ def _sizes(plan: SamplingPlan, slot: int, kind: int, shape: BaseShape | None) ->
     """Sizes in which episodes start: those of hulls and of round tiles are their shape's."""
     if Size not in plan.layout.types[kind].declared:
         return [(None, 1.0)]
-    outline = next((one for one in plan.outlines if one.slot == slot and kind in one.types), None)
     is_tile = issubclass(plan.layout.types[kind], Tile)
-    if shape is not None and outline is not None and (shape.kind == HULL or is_tile or not outline.size_is_drawn):
+    if shape is not None and (shape.kind == HULL or is_tile or plan.size_follows_shape(slot, kind)):
         return [(float(shape.size), 1.0)]
     return [(value[0], atom.mass) for value, atom in _atoms_of(plan, slot, Size, kind).items()]
 
 
-def _places(plan: SamplingPlan, slot: int, kind: int, shape: BaseShape | None, size: float | None) -> dict[Any, _Atom]:
+def _places(plan: SamplingPlan, slot: int, kind: int, shape: BaseShape | None, size: float | None) -> Atoms:
     """Points in which a thing starts with a probability, once it is moved out of walls."""
     if Position not in plan.layout.types[kind].declared:
         return {(): _Atom(1.0)}
-    noise = distribution_of(plan, slot, Position, kind)
+    noise = plan.law(slot, Position, kind)
     if not isinstance(noise, Noise):
         raise PriorError(f"{noise.priors[0]}: places that depend on other factors have no probability of their own")
     low, high = (0.0, 0.0), (0.0, 0.0)
@@ -235,7 +225,7 @@ def _places(plan: SamplingPlan, slot: int, kind: int, shape: BaseShape | None, s
     elif shape is not None and shape.kind == CIRCLE and size is not None:
         low, high = (-size / 2,) * 2, (size / 2,) * 2
     ends = [(ARENA_LOW - one + WALL_MARGIN, ARENA_HIGH - two - WALL_MARGIN) for one, two in zip(low, high, strict=True)]
-    return {at: _Atom(mass, box, noise) for at, (mass, box) in _in_walls(noise, *ends).items() if mass > 0}
+    return {at: _Atom(mass, (box,), (noise,)) for at, (mass, box) in _in_walls(noise, *ends).items() if mass > 0}
 
 
 def _in_walls(noise: Noise, of_x: tuple[float, float], of_y: tuple[float, float]) -> dict[Any, tuple[float, Box]]:
@@ -302,6 +292,6 @@ def _accepted(places: tuple[Noise, ...], plan: SamplingPlan) -> tuple[float, flo
     return max(found.value - 3 * found.error, 1e-12), min(found.value + 3 * found.error, 1.0)
 
 
-def _line_atoms(noise: Noise) -> dict[Any, _Atom]:
+def _line_atoms(noise: Noise) -> Atoms:
     values, masses = noise.atoms
     return {tuple(np.atleast_1d(v).tolist()): _Atom(m) for v, m in zip(values, masses.tolist(), strict=True) if m > 0}

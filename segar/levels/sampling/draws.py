@@ -100,10 +100,12 @@ def draw_factors(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     """All factors with a distribution or a conditional value, but positions."""
     for draw in plan.draws:
         if not issubclass(draw.factor, Position):
-            draw_factor(plan, streams, block, draw, _rows(block, draw))
+            draw_factor(plan, streams, block, draw, np.flatnonzero(_holds(block.types, draw)))
 
 
-def draw_factor(plan: SamplingPlan, streams: Streams, block: Block, draw: Draw, rows: Any, attempt: int = 0) -> None:
+def draw_factor(
+    plan: SamplingPlan, streams: Streams, block: Block, draw: Draw, rows: np.ndarray, attempt: int = 0
+) -> None:
     """One factor of one slot in the levels ``rows``: the value without condition, then those whose relation holds."""
     site = plan.layout.names[draw.slot], draw.factor.__name__
     target = block.sampled_values[:, draw.slot, plan.columns(draw.factor)]
@@ -113,9 +115,8 @@ def draw_factor(plan: SamplingPlan, streams: Streams, block: Block, draw: Draw, 
         if not factors_read(prior) and not prior.is_random:
             continue  # a constant stands in the template already
         rng = streams.generator(levels, *site, *([k] if k else []), attempt=attempt)
-        every = np.arange(len(block.indices))[rows]
-        scaling = shift_and_scale(plan, block, draw.slot, prior.value, every)
-        applies = where_prior_applies(plan, block, draw, prior, every)
+        scaling = shift_and_scale(plan, block, draw.slot, prior.value, rows)
+        applies = where_prior_applies(plan, block, draw, prior, rows)
         value = _sample(streams, prior, draw.factor, rng, levels, scaling, applies)
         value = value.reshape(len(levels), draw.factor.width)
         if not factors_read(prior):
@@ -129,13 +130,10 @@ def draw_factor(plan: SamplingPlan, streams: Streams, block: Block, draw: Draw, 
 def draw_outlines(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     """Shapes; and Size, which without a prior of its own is the shape's."""
     for outline in plan.outlines:
-        rows = np.flatnonzero(_has_type(block.types[:, outline.slot], outline.types))
-        if isinstance(outline.shapes, BaseShape):
-            _draw_outline(plan, streams, block, outline, outline.shapes, rows)
-            continue
+        rows = np.flatnonzero(_holds(block.types, outline))
         site = plan.layout.names[outline.slot], "Shape"
-        chosen = outline.shapes.sample_index(streams.generator(block.indices[rows], *site), len(rows))
-        for k, shape in enumerate(outline.shapes.keys):
+        chosen = outline.choice.sample_index(streams.generator(block.indices[rows], *site), len(rows))
+        for k, shape in enumerate(outline.choice.keys):
             _draw_outline(plan, streams, block, outline, shape, rows[chosen == k])
 
 
@@ -147,7 +145,7 @@ def draw_positions(plan: SamplingPlan, streams: Streams, block: Block) -> None:
         if not len(again):
             return
         for draw in draws:
-            rows = again[_has_type(block.types[again, draw.slot], draw.types)]
+            rows = again[_holds(block.types[again], draw)]
             draw_factor(plan, streams, block, draw, rows, attempt)
         again = again[placement.too_close(block.sampled_values[again, :, plan.columns(Position)], plan.min_distance)]
     if len(again):
@@ -162,7 +160,7 @@ def draw_first_positions(plan: SamplingPlan, streams: Streams, block: Block) -> 
     for slot, place in plan.fixed_positions.items():
         block.sampled_values[block.types[:, slot] >= 0, slot, columns] = place
     for draw in _drawn_positions(plan):
-        draw_factor(plan, streams, block, draw, _rows(block, draw))
+        draw_factor(plan, streams, block, draw, np.flatnonzero(_holds(block.types, draw)))
     return placement.too_close(block.sampled_values[:, :, columns], plan.min_distance)
 
 
@@ -191,13 +189,9 @@ def set_initial_values(plan: SamplingPlan, streams: Streams, block: Block) -> No
         raise _stuck(plan, streams, block, int(stuck[0]))
 
 
-def _rows(block: Block, draw: Draw) -> Any:
-    """The levels in which the slot holds one of the draw's types."""
-    return slice(None) if draw.everywhere else np.flatnonzero(_has_type(block.types[:, draw.slot], draw.types))
-
-
-def _has_type(column: np.ndarray, types: tuple[int, ...]) -> np.ndarray:
-    return np.logical_or.reduce([column == kind for kind in types])
+def _holds(types: np.ndarray, drawn: Draw | Outline) -> np.ndarray:
+    """In which levels the slot holds one of the types that something is drawn for, bool ``(n,)``."""
+    return np.logical_or.reduce([types[:, drawn.slot] == kind for kind in drawn.types])
 
 
 def _sample(

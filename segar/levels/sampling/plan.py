@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
@@ -35,7 +36,6 @@ class Draw:
     factor: type[Factor]
     types: tuple[int, ...]
     priors: tuple[Prior, ...]
-    everywhere: bool
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,16 @@ class Outline:
     shapes: BaseShape | Choice
     size_is_drawn: bool
     types: tuple[int, ...]
+
+    @cached_property
+    def choice(self) -> Choice:
+        """The choice of shapes; one among one where the shape is given."""
+        return self.shapes if isinstance(self.shapes, Choice) else Choice([self.shapes])
+
+    @property
+    def is_random(self) -> bool:
+        """Whether the shape is chosen or drawn level by level."""
+        return isinstance(self.shapes, Choice) or self.shapes.is_random
 
 
 @dataclass(frozen=True)
@@ -89,9 +99,24 @@ class SamplingPlan:
         value = self.templates[kind, self.columns(factor)].tolist()
         return Deterministic(value if factor.width == 2 else value[0])
 
-    def draw_of(self, slot: int, factor: type[Factor], kind: int) -> Draw | None:
-        """How the factor of one slot's entities of type ``kind`` is drawn, None where it is constant."""
-        return next((d for d in self.draws if d.slot == slot and d.factor is factor and kind in d.types), None)
+    def law(self, slot: int, factor: type[Factor], kind: int) -> Noise | Draw:
+        """The distribution of a factor of one slot's entities of type ``kind``, or the draw if it depends on other factors."""
+        if factor is Position and slot in self.fixed_positions:
+            return Deterministic(self.fixed_positions[slot])
+        draw = next((d for d in self.draws if d.slot == slot and d.factor is factor and kind in d.types), None)
+        if draw is None:
+            return self.constant(kind, factor)
+        simple = isinstance(draw.priors[0].value, Noise) and not factors_needed(draw.priors[0])
+        return draw.priors[0].value if simple else draw
+
+    def outline_of(self, slot: int, kind: int) -> Outline | None:
+        """The outline of one slot's entities of type ``kind``, None where they have no shape."""
+        return next((o for o in self.outlines if o.slot == slot and kind in o.types), None)
+
+    def size_follows_shape(self, slot: int, kind: int) -> bool:
+        """Whether the size of one slot's entities of type ``kind`` is that of the shape that is chosen for them."""
+        outline = self.outline_of(slot, kind)
+        return outline is not None and isinstance(outline.shapes, Choice) and not outline.size_is_drawn
 
 
 def make_sampling_plan(
@@ -125,17 +150,15 @@ def make_sampling_plan(
         np.array([p.default if isinstance(v, Noise) else v for p, v in zip(layout.parameters, constants, strict=True)]),
         tuple((layout.parameters.index(p), prior) for p, prior in parameters.items() if prior.is_random),
         min_distance,
-        max((vertex_room(o.shapes) for o in outlines), default=0),
+        max((_vertex_room(shape) for o in outlines for shape in o.choice.keys), default=0),
         rule_space,
     )
     _check_constant_places(plan)
     return plan
 
 
-def vertex_room(shape: BaseShape | Choice) -> int:
+def _vertex_room(shape: BaseShape) -> int:
     """How many vertices the shape can have: 0 for a circle; a random shape may say so as ``max_vertices``."""
-    if isinstance(shape, Choice):
-        return max(vertex_room(key) for key in shape.keys)
     if shape.is_random:
         return getattr(shape, "max_vertices", RANDOM_HULL_VERTICES)
     return len(shape.vertices)
@@ -171,8 +194,7 @@ def _draws(layout: Layout, groups: Sequence[SlotGroup], priors: Sequence[Prior])
                     places.append(place)
         for slot in group.slots:
             for (factor, _), (found, places) in alike.items():
-                everywhere = len(places) == len(group.types) and not layout.slots[slot].optional
-                draws.append(Draw(slot, factor, tuple(places), found, everywhere))
+                draws.append(Draw(slot, factor, tuple(places), found))
     return draws
 
 
