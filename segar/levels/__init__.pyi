@@ -24,6 +24,7 @@ from .mixing import (
     check_fits as check_fits,
     mixed_levels as mixed_levels,
     places as places,
+    with_room as with_room,
 )
 from .moments import (
     PointSets as PointSets,

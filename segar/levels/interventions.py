@@ -15,16 +15,14 @@ from segar.language import Order, Parameter, Position, Shape, Size, Velocity
 from segar.levels.apart import WITHOUT_EFFECT
 from segar.levels.distribution import LevelDistribution
 from segar.levels.hashing import content_hash
-from segar.levels.level_data import LevelData
+from segar.levels.level_data import OUTLINE, LevelData
 from segar.levels.level_set import Levels
-from segar.levels.mixing import RULES, mixed_levels
+from segar.levels.mixing import RULES, differing, mixed_levels, with_room
 from segar.levels.priors import Prior
 from segar.levels.sampling.placement import fix_block, too_close
-from segar.noise import Choice
 from segar.rules import World
 
 ENTITIES = "Entities"
-OUTLINE = ("shape_kind", "vertex_count", "vertices")
 STAYING = (Position, Velocity, Order)  # of an entity in whose place another one comes
 
 
@@ -60,7 +58,7 @@ def drawn_mechanisms(distribution: LevelDistribution) -> set[str]:
     plan = distribution.plan
     found = {draw.factor.__name__ for draw in plan.draws if draw.factor not in WITHOUT_EFFECT}
     found |= {plan.layout.parameters[column].__name__ for column, _ in plan.parameter_priors}
-    if any(isinstance(one.shapes, Choice) or one.shapes.is_random for one in plan.outlines):
+    if any(outline.is_random for outline in plan.outlines):
         found.add(Shape.__name__)
     if any(len(group.types) > 1 or not isinstance(group.count, int) for group in plan.groups):
         found.add(ENTITIES)
@@ -108,14 +106,16 @@ def set_as(levels: Levels, donors: Levels, names: Collection[str], min_distance:
     if levels.layout != donors.layout:
         raise LevelError("the levels and those that give factors have different slots, types or parameters")
     layout, factors = levels.layout, [name for name in names if name not in (ENTITIES, Shape.__name__)]
-    given = dataclasses.replace(donors, **_room(donors, levels), values=_as_placed(donors))
-    mixed = mixed_levels(dataclasses.replace(levels, **_room(levels, donors)), given, {"set": factors}, {"set": True})
-    mixed = mixed.writable()
+    x = layout.columns[Position]
+    values = donors.values.copy()
+    values[:, :, x : x + 2] = donors.sampled_values[:, :, x : x + 2]  # before the donors' own things were moved apart
+    given = with_room(dataclasses.replace(donors, values=values), levels)
+    levels = with_room(levels, donors)
+    mixed = mixed_levels(levels, given, {"set": factors}, {"set": True}).writable()
     if ENTITIES in names:
         _set_entities(mixed, given)
     if Shape.__name__ in names:
         _set_outlines(mixed, given)
-    x = layout.columns[Position]
     positions = mixed.values[:, :, x : x + 2]
     fits = ~too_close(positions, min_distance)
     before = positions.copy()
@@ -136,19 +136,6 @@ def _parameters(distribution: LevelDistribution, names: Collection[str], inside:
     given = dict(distribution.parameters)
     given |= {p.factor: p.value for p in distribution.priors if issubclass(p.factor, Parameter)}
     return {parameter: value for parameter, value in given.items() if (parameter.__name__ in names) is inside}
-
-
-def _room(levels: Levels, others: Levels) -> dict[str, np.ndarray]:
-    """The vertices, with room for those of the other levels."""
-    lacking = max(0, others.vertices.shape[2] - levels.vertices.shape[2])
-    return {"vertices": np.pad(levels.vertices, ((0, 0), (0, 0), (0, lacking), (0, 0)))}
-
-
-def _as_placed(donors: Levels) -> np.ndarray:
-    """The values of donors, with positions as they were drawn, before their own things were moved apart."""
-    values, x = donors.values.copy(), donors.layout.columns[Position]
-    values[:, :, x : x + 2] = donors.sampled_values[:, :, x : x + 2]
-    return values
 
 
 def _set_entities(mixed: LevelData, donors: Levels) -> None:
@@ -179,10 +166,4 @@ def _differ(levels: Levels, mixed: LevelData) -> np.ndarray:
     """Whether a level is another one, bool ``(n,)``; with other rules each is."""
     if mixed.world is not levels.world and (mixed.world is None or mixed.world.space is None):
         return np.ones(len(levels), np.bool_)
-    same = np.ones(len(levels), np.bool_)
-    for name in ("types", "values", "shape_kind", "parameters"):
-        ours, theirs = (np.nan_to_num(getattr(one, name)).reshape(len(levels), -1) for one in (levels, mixed))
-        same &= (ours == theirs).all(axis=1)
-    room = min(levels.vertices.shape[2], mixed.vertices.shape[2])
-    corners = (levels.vertices[:, :, :room] == mixed.vertices[:, :, :room]).reshape(len(levels), -1).all(axis=1)
-    return ~(same & corners & (levels.vertex_count == mixed.vertex_count).all(axis=1))
+    return differing(levels, vars(mixed), ("types", "values", "parameters", *OUTLINE))

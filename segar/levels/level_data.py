@@ -28,6 +28,8 @@ LEVEL_ARRAYS = (
     "parameters",
     "sampled_values",
 )
+OUTLINE = ("shape_kind", "vertex_count", "vertices")
+"""The arrays that say which shape a thing has."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,17 +7,13 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, did_you_mean
-from segar.levels.level_data import Provenance
+from segar.levels.level_data import OUTLINE, LevelData, Provenance
 from segar.levels.level_set import Levels
 from segar.support import __version__
 
 REST, SEPARATOR = "rest", "+"  # what no group of factors names; between the names of groups that are changed
-RESERVED_GROUPS = (
-    REST,
-    "pair",
-    "value",
-    "total",
-)  # no names of groups: the tables of an attribution have columns called so
+# No names of groups: the tables of an attribution have columns called so.
+RESERVED_GROUPS = (REST, "pair", "value", "total")
 
 RULES = "World"  # stands for the rules in a group of factors
 
@@ -43,9 +39,7 @@ def mixed_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[st
     check_fits(train, test)
     columns, parameters = places(train, groups)
     owner = test if chosen.get(REST) else train
-    arrays = {
-        name: getattr(owner, name).copy() for name in ("types", "shape_kind", "vertex_count", "vertices", "values")
-    }
+    arrays = {name: getattr(owner, name).copy() for name in ("types", "values", *OUTLINE)}
     table = owner.parameters.copy()
     for name in groups:
         source = test if chosen.get(name) else train
@@ -62,6 +56,21 @@ def mixed_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[st
     made = Provenance("between training and test", "", __version__, 0, "", np.arange(len(train)))
     arrays |= {"parameters": table, "sampled_values": arrays["values"].copy()}
     return dataclasses.replace(train, **arrays, world=world, provenance=made, distribution=None)
+
+
+def differing(levels: LevelData, arrays: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
+    """Which levels have other numbers than ``arrays`` in those of these names, bool ``(n,)``."""
+    found = np.zeros(len(levels), np.bool_)
+    for name in names:
+        ours, theirs = (np.nan_to_num(one).reshape(len(levels), -1) for one in (getattr(levels, name), arrays[name]))
+        found |= (ours != theirs).any(axis=1)
+    return found
+
+
+def with_room(levels: Levels, others: LevelData) -> Levels:
+    """The same levels, with room for the vertices of the others."""
+    lacking = max(0, others.vertices.shape[2] - levels.vertices.shape[2])
+    return dataclasses.replace(levels, vertices=np.pad(levels.vertices, ((0, 0), (0, 0), (0, lacking), (0, 0))))
 
 
 def check_fits(train: Levels, test: Levels) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 from segar.errors import LevelError
 from segar.language import Order, Position, Size
 from segar.levels.distribution import LevelDistribution
-from segar.levels.level_data import LEVEL_ARRAYS, LevelData, Provenance
+from segar.levels.level_data import LEVEL_ARRAYS, OUTLINE, LevelData, Provenance
 from segar.levels.level_set import Levels
+from segar.levels.mixing import differing
 from segar.levels.sampling.placement import fix_block
 from segar.levels.sampling.plan import SamplingPlan
 from segar.noise import Noise
@@ -18,7 +19,6 @@ from segar.support import __version__, is_whole
 
 MOST_TRIES = 100  # a level is mutated anew at least so often, as placement tries 100 times
 AT_ONCE, OF_ONE = 512, 16  # mutations that are tried side by side, and how many of them of one level
-OUTLINE = ("shape_kind", "vertex_count", "vertices")
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def mutable_sites(plan: SamplingPlan) -> list[Site]:
             name = f"{layout.names[slot]}.{factor.__name__}"
             sites.append(Site(name, slot, tuple(range(columns.start, columns.stop))))
     for outline in plan.outlines:
-        if getattr(outline.shapes, "keys", None) is not None or getattr(outline.shapes, "is_random", False):
+        if outline.is_random:
             size = (layout.columns[Size],) if Size in layout.columns else ()
             sites.append(Site(f"{layout.names[outline.slot]}.Shape", outline.slot, size, is_shape=True))
     for group in plan.groups:
@@ -135,33 +135,28 @@ def mutable_sites(plan: SamplingPlan) -> list[Site]:
 def _exchanged(
     levels: Levels, donors: Levels, sites: list[Site], chosen: np.ndarray
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """The arrays of levels with the chosen sites of donors, and whether these changed something, bool ``(n,)``.
+    """The arrays of levels with the chosen sites of donors, and whether these changed what is drawn, bool ``(n,)``.
 
     Args:
         chosen: int ``(n,)``, indices of sites.
     """
     arrays = {name: getattr(levels, name).copy() for name in LEVEL_ARRAYS}
-    changed = np.zeros(len(levels), np.bool_)
     for k, site in enumerate(sites):
         rows = np.flatnonzero(chosen == k)
-        if len(rows):
-            changed[rows] = _exchange(arrays, donors, site, rows)
-    return arrays, changed
+        if site.slot is None:
+            arrays["parameters"][rows, site.columns[0]] = donors.parameters[rows, site.columns[0]]
+        else:
+            _exchange(arrays, donors, site, site.slot, rows)
+    for name in ("sampled_values", "values"):
+        donors.layout.set_floor(arrays[name], arrays["parameters"])
+    return arrays, differing(levels, arrays, ("types", "sampled_values", "parameters", *OUTLINE))
 
 
-def _exchange(arrays: dict[str, np.ndarray], donors: Levels, site: Site, rows: np.ndarray) -> np.ndarray:
-    """Take one site of donors in these rows; whether it differs, bool ``(rows,)``."""
-    if site.slot is None:
-        return _exchange_parameter(arrays, donors, site.columns[0], rows)
-    slot = site.slot
-    same_type = arrays["types"][rows, slot] == donors.types[rows, slot]
-    differs = ~same_type if site.is_entity else np.zeros(len(rows), np.bool_)
-    if not site.is_entity:
-        rows_alike = rows[same_type & (donors.types[rows, slot] >= 0)]
-        differs[np.isin(rows, rows_alike)] = _differ(arrays, donors, site, rows_alike)
-        rows = rows_alike
-    layout = donors.layout
-    order = layout.columns.get(Order)
+def _exchange(arrays: dict[str, np.ndarray], donors: Levels, site: Site, slot: int, rows: np.ndarray) -> None:
+    """Take what a slot has at one site of donors: whole entities of another type, or parts of entities of the same one."""
+    ours, theirs = arrays["types"][rows, slot], donors.types[rows, slot]
+    rows = rows[ours != theirs] if site.is_entity else rows[(ours == theirs) & (ours >= 0)]
+    order = donors.layout.columns.get(Order)
     for name in ("sampled_values", "values"):
         before = arrays[name][rows, slot]
         taken = before.copy()
@@ -170,33 +165,8 @@ def _exchange(arrays: dict[str, np.ndarray], donors: Levels, site: Site, rows: n
             had, has = ~np.isnan(before[:, order]), ~np.isnan(taken[:, order])
             taken[had & has, order] = before[had & has, order]
         arrays[name][rows, slot] = taken
-    if site.is_entity:
-        arrays["types"][rows, slot] = donors.types[rows, slot]
-    for name in OUTLINE if site.is_shape else ():
+    for name in ("types", *OUTLINE) if site.is_entity else OUTLINE if site.is_shape else ():
         arrays[name][rows, slot] = getattr(donors, name)[rows, slot]
-    return differs
-
-
-def _exchange_parameter(arrays: dict[str, np.ndarray], donors: Levels, column: int, rows: np.ndarray) -> np.ndarray:
-    """Take a world parameter of donors in these rows; whether it differs, bool ``(rows,)``."""
-    value = donors.parameters[rows, column]
-    differs = arrays["parameters"][rows, column] != value
-    arrays["parameters"][rows, column] = value
-    for name in ("sampled_values", "values"):
-        donors.layout.set_floor(arrays[name], arrays["parameters"])
-    return differs
-
-
-def _differ(arrays: dict[str, np.ndarray], donors: Levels, site: Site, rows: np.ndarray) -> np.ndarray:
-    """Whether a donor has another value, or another shape, at the site, bool ``(rows,)``."""
-    pairs = [(arrays["sampled_values"][rows, site.slot][:, list(site.columns)],
-              donors.sampled_values[rows, site.slot][:, list(site.columns)])]  # fmt: skip
-    if site.is_shape:
-        pairs += [(arrays[name][rows, site.slot], getattr(donors, name)[rows, site.slot]) for name in OUTLINE]
-    found = np.zeros(len(rows), np.bool_)
-    for ours, theirs in pairs:
-        found |= (ours != theirs).any(axis=tuple(range(1, ours.ndim)))
-    return found
 
 
 def _can_be_drawn(distribution: LevelDistribution, tried: LevelData) -> np.ndarray:

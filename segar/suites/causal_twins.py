@@ -21,6 +21,7 @@ from segar.levels import (
     mechanisms,
     set_as,
     with_mechanisms,
+    with_room,
 )
 from segar.suites.suite_file import HASH_DIGITS, Suite
 from segar.support import counted, is_whole
@@ -291,10 +292,9 @@ def _joined(plans: Plan, rows: np.ndarray, others: Plan) -> Plan:
 
 def _like(levels: Levels, twins: Levels) -> Levels:
     """The levels in the world of the twins, with as much room for vertices."""
-    lacking = twins.vertices.shape[2] - levels.vertices.shape[2]
-    vertices = np.pad(levels.vertices, ((0, 0), (0, 0), (0, lacking), (0, 0)))
     origin = dataclasses.replace(twins.provenance, indices=levels.provenance.indices)
-    return dataclasses.replace(levels, vertices=vertices, world=twins.world, provenance=origin, distribution=None)
+    made = dataclasses.replace(levels, world=twins.world, provenance=origin, distribution=None)
+    return with_room(made, twins)
 
 
 def _put(whole: Part, names: Collection[str], rows: np.ndarray, others: Part) -> Part:

@@ -99,6 +99,13 @@ def test_a_factor_that_is_drawn_anew_has_its_prior():
     assert scipy.stats.kstest((mass - 1) / 2, "uniform").pvalue > 1e-3
 
 
+def test_what_the_thing_in_a_slot_has_no_factor_of_is_no_change():
+    levels = segar.family("puttputt-random-middle").sample(300, seed=3)
+    mutated = mutate(levels, np.random.default_rng(1))
+    differs = [part.reshape(300, -1).any(axis=1) for part in changed_arrays(levels, mutated)]
+    assert np.any([*differs, (levels.vertices != mutated.vertices).any(axis=(1, 2, 3))], axis=0).all()
+
+
 def test_equal_generators_mutate_equally():
     levels = segar.family("tilesx3-hard").sample(10, seed=0)
     assert mutate(levels, np.random.default_rng(4), 2) == mutate(levels, np.random.default_rng(4), 2)
