@@ -165,15 +165,11 @@ class LevelDistribution(ShownInNotebooks):
 
     def _drawn(self, indices: np.ndarray, seed: int, split: str) -> Levels:
         """The levels of a split with these indices, int64 ``(n,)``."""
-        block = draw_levels(self.plan, Streams(str(self), self._stream, int(seed), split), indices)
-        return Levels(
-            **block.arrays,
-            layout=self.layout,
-            provenance=Provenance(self.name, self.hash, __version__, int(seed), split, indices),
-            distribution=self,
-            world=self.world,
-            task=self.task,
-        )
+        origin = Provenance(self.name, self.hash, __version__, int(seed), split, indices)
+        fields = {"distribution": self, "world": self.world, "task": self.task}
+        drawn = LevelData.empty(self.plan.vertices, self.layout, origin, **fields)
+        draw_levels(self.plan, Streams(str(self), self._stream, int(seed), split), drawn)
+        return Levels(**vars(drawn))
 
     def _check_room(self, n: int) -> None:
         """Raise :class:`LevelError` where the states of ``n`` levels would not fit into the memory of this machine."""

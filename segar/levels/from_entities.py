@@ -18,19 +18,24 @@ from segar.language import (
     entity_name,
     name_slots,
 )
-from segar.levels.level_data import Block, Provenance, layout_on_floor
+from segar.levels.level_data import LevelData, Provenance, layout_on_floor
+from segar.rules import World
 from segar.support import __version__
 
 
-def arrays_of_entities(
-    levels: Sequence[Sequence[Entity]], parameters: Mapping[type[Parameter], Any], name: str | None
-) -> dict[str, Any]:
-    """The arguments of :class:`segar.Levels`, except the world; see :meth:`segar.Levels.from_entities`."""
+def levels_of_entities(
+    levels: Sequence[Sequence[Entity]],
+    parameters: Mapping[type[Parameter], Any],
+    world: World | None,
+    name: str | None,
+) -> LevelData:
+    """The levels that these entities make; see :meth:`segar.Levels.from_entities`."""
     _check_entities(levels)
     layout = _layout(levels, parameters)
     shapes = [entity[Shape] for entities in levels for entity in entities if Shape in entity]
     room = max((len(shape.vertices) for shape in shapes), default=0)
-    block = Block.empty(layout, room, np.arange(len(levels)))
+    origin = Provenance(name, "", __version__, 0, "", np.arange(len(levels)))
+    block = LevelData.empty(room, layout, origin, world=world)
     for i, entities in enumerate(levels):
         for k, entity in enumerate(entities):
             block.types[i, k] = layout.types.index(type(entity))
@@ -43,7 +48,7 @@ def arrays_of_entities(
     block.types[:, -1] = layout.types.index(GlobalFriction)
     layout.set_floor(block.values, block.parameters)
     block.sampled_values[:] = block.values
-    return {**block.arrays, "layout": layout, "provenance": Provenance(name, "", __version__, 0, "", block.indices)}
+    return block
 
 
 def _check_entities(levels: Sequence[Sequence[Entity]]) -> None:

@@ -19,7 +19,7 @@ from segar.levels.level_data import OUTLINE, LevelData
 from segar.levels.level_set import Levels
 from segar.levels.mixing import RULES, differing, mixed_levels, with_room
 from segar.levels.priors import Prior
-from segar.levels.sampling.placement import fix_block, too_close
+from segar.levels.sampling.placement import fix_levels, too_close
 from segar.rules import World
 
 ENTITIES = "Entities"
@@ -119,7 +119,7 @@ def set_as(levels: Levels, donors: Levels, names: Collection[str], min_distance:
     positions = mixed.values[:, :, x : x + 2]
     fits = ~too_close(positions, min_distance)
     before = positions.copy()
-    fits[fix_block(layout, mixed)] = False
+    fits[fix_levels(mixed)] = False
     if Position.__name__ not in names:  # what is here and there does not move
         stayed = (levels.types >= 0) & (mixed.types >= 0)
         fits &= ((np.nan_to_num(before) == np.nan_to_num(positions)).all(axis=2) | ~stayed).all(axis=1)

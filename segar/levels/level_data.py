@@ -80,6 +80,23 @@ class LevelData:
     task: str | None = None
     moments: Mapping[Any, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict)
 
+    @classmethod
+    def empty(cls, vertices: int, layout: Layout, provenance: Provenance, **fields: Any) -> LevelData:
+        """Levels with the indices of ``provenance``, in which nothing is set yet, with room for so many vertices."""
+        n, entities = len(provenance.indices), len(layout.slots)
+        return cls(
+            layout=layout,
+            provenance=provenance,
+            types=np.full((n, entities), -1, dtype=np.int16),
+            values=np.full((n, entities, layout.width), np.nan),
+            shape_kind=np.zeros((n, entities), dtype=np.int8),
+            vertex_count=np.zeros((n, entities), dtype=np.int16),
+            vertices=np.zeros((n, entities, vertices, 2)),
+            parameters=np.empty((n, len(layout.parameters))),
+            sampled_values=np.empty((n, entities, layout.width)),
+            **fields,
+        )
+
     def __len__(self) -> int:
         return len(self.types)
 
@@ -89,65 +106,25 @@ class LevelData:
         fields: dict[str, Any] = {name: getattr(self, name).copy() for name in LEVEL_ARRAYS if name not in arrays}
         return LevelData(**{**vars(self), **fields, **arrays})
 
+    def part(self, start: int, stop: int) -> LevelData:
+        """Some of the levels, whose arrays are views."""
+        provenance = dataclasses.replace(self.provenance, indices=self.provenance.indices[start:stop])
+        arrays: dict[str, Any] = {name: getattr(self, name)[start:stop] for name in LEVEL_ARRAYS}
+        return dataclasses.replace(self, **arrays, provenance=provenance)
+
+    def set_shape(self, levels: int | np.ndarray, slot: int, shape: BaseShape) -> None:
+        """Set the kind of the shape of one slot's things and, unless it is random, its vertices."""
+        self.shape_kind[levels, slot] = shape.kind
+        if shape.kind == HULL and not shape.is_random:
+            self.vertex_count[levels, slot] = len(shape.vertices)
+            self.vertices[levels, slot, : len(shape.vertices)] = shape.vertices
+
 
 def read_only(array: np.ndarray) -> np.ndarray:
     """The same numbers as an array that cannot be written."""
     seen = array.view()
     seen.flags.writeable = False
     return seen
-
-
-@dataclass
-class Block:
-    """Arrays of ``n`` levels while they are made, named as those of :class:`segar.Levels`.
-
-    Attributes:
-        indices: int64 ``(n,)``, of the levels in their split.
-        shape_size: float64 ``(n, E)``, the size of each thing's shape, nan where there is none.
-    """
-
-    indices: np.ndarray
-    types: np.ndarray
-    values: np.ndarray
-    shape_kind: np.ndarray
-    shape_size: np.ndarray
-    vertex_count: np.ndarray
-    vertices: np.ndarray
-    parameters: np.ndarray
-    sampled_values: np.ndarray
-
-    @classmethod
-    def empty(cls, layout: Layout, vertices: int, indices: np.ndarray) -> Block:
-        """Arrays for the levels with these indices, in which nothing is set yet, with room for so many vertices."""
-        n, entities = len(indices), len(layout.slots)
-        return cls(
-            indices=indices,
-            types=np.full((n, entities), -1, dtype=np.int16),
-            values=np.full((n, entities, layout.width), np.nan),
-            shape_kind=np.zeros((n, entities), dtype=np.int8),
-            shape_size=np.full((n, entities), np.nan),
-            vertex_count=np.zeros((n, entities), dtype=np.int16),
-            vertices=np.zeros((n, entities, vertices, 2)),
-            parameters=np.empty((n, len(layout.parameters))),
-            sampled_values=np.empty((n, entities, layout.width)),
-        )
-
-    def part(self, start: int, stop: int) -> Block:
-        """A view of some levels."""
-        return Block(**{name: array[start:stop] for name, array in vars(self).items()})
-
-    def set_shape(self, levels: int | np.ndarray, slot: int, shape: BaseShape) -> None:
-        """Set kind and size of the shape of one slot's things and, unless it is random, its vertices."""
-        self.shape_kind[levels, slot] = shape.kind
-        self.shape_size[levels, slot] = shape.size
-        if shape.kind == HULL and not shape.is_random:
-            self.vertex_count[levels, slot] = len(shape.vertices)
-            self.vertices[levels, slot, : len(shape.vertices)] = shape.vertices
-
-    @property
-    def arrays(self) -> dict[str, Any]:
-        """The arrays that levels keep, by name."""
-        return {name: getattr(self, name) for name in LEVEL_ARRAYS}
 
 
 def layout_on_floor(slots: Iterable[Slot], parameters: Iterable[type[Parameter]]) -> Layout:

@@ -7,7 +7,6 @@ files too. Whatever does not belong into a level file is refused, and the messag
 import json
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import numpy as np
 from segar.errors import LevelError, did_you_mean
 from segar.language import CIRCLE, HULL, Entity, FloorFriction, Friction, GlobalFriction, Layout, Shape
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
-from segar.levels.level_data import Block, LevelData
+from segar.levels.level_data import LevelData
 from segar.levels.validity import level_forms
 from segar.rules import World
 from segar.support import __version__, check_form, check_size, from_handwritten_json, json_in, replacing, shown
@@ -69,18 +68,18 @@ def write_json(path: Path, levels: LevelData) -> None:
         beside.write_text(text, encoding="ascii")
 
 
-def read_json(path: Path, world: World | None) -> dict[str, Any]:
-    """The arguments of :class:`segar.Levels` that a file holds, all but the world.
+def read_json(path: Path, world: World | None) -> LevelData:
+    """The levels that a file holds.
 
     Raises:
-        LevelError: there is no such file, it is no JSON, or as :func:`fields_of`.
+        LevelError: there is no such file, it is no JSON, or as :func:`levels_of`.
     """
     data = json_in(path, "a level file in JSON", LevelError, from_handwritten_json)
-    return fields_of(data, path, "", world)
+    return levels_of(data, path, "", world)
 
 
-def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[str, Any]:
-    """The arguments of :class:`segar.Levels`, all but the world, from the data of a level file.
+def levels_of(data: Any, path: Path, inside: str, world: World | None) -> LevelData:
+    """The levels that the data of a level file say.
 
     What is left out has its default. Arrays have the right forms; :func:`check_levels` checks their numbers.
 
@@ -97,10 +96,15 @@ def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[s
     said = data["description"]
     _check_texts(said, where)
     description = DEFAULTS | said
-    layout = layout_of(description, path, world)
-    block = _block_of(data["levels"], layout, description["most_vertices"], path, where)
-    _check_floor(layout, block.values, block.parameters, where)
-    return origin_of(description, layout, block.indices, path) | block.arrays
+    layout, listed = layout_of(description, path, world), data["levels"]
+    room = _room(listed, layout, description["most_vertices"], path, where)
+    origin = origin_of(description, layout, np.arange(len(listed)), path)
+    levels = LevelData.empty(room, **origin, world=world)
+    levels.sampled_values[:] = np.nan
+    for i, level in enumerate(listed):
+        _read_level(f"{where}levels[{i}]", level, i, levels)
+    _check_floor(layout, levels.values, levels.parameters, where)
+    return levels
 
 
 def level_schema(layout: Layout | None = None) -> dict[str, Any]:
@@ -209,84 +213,56 @@ def _text(value: Any) -> str:
 # Reading. ``at`` is where something stands, with the file's name.
 
 
-def _block_of(listed: list[Any], layout: Layout, most_vertices: int, path: Path, where: str) -> Block:
-    """The arrays of the levels that are listed."""
+def _room(listed: list[Any], layout: Layout, most_vertices: int, path: Path, where: str) -> int:
+    """Room for the vertices of each entity of the levels that are listed; raises :class:`LevelError` where the arrays of these
+    would be larger than the limit."""
     if not listed:
         raise LevelError(f"{where}levels: must be a list of at least one level, and is empty")
     if not 0 <= most_vertices <= MOST_VERTICES:
         raise LevelError(f"{where}description.most_vertices: must be 0 to {MOST_VERTICES}, not {most_vertices}")
-    _check_memory(layout, len(listed), most_vertices, path)
-    read = _Read(layout, Block.empty(layout, 0, np.arange(len(listed))))
-    read.block.sampled_values[:] = np.nan
-    for i, level in enumerate(listed):
-        _read_level(f"{where}levels[{i}]", level, i, read)
-    room = max([most_vertices, *map(len, read.hulls.values())])
-    _check_memory(layout, len(listed), room, path)
-    read.block.vertices = np.zeros((len(listed), len(layout.slots), room, 2))
-    for (i, k), hull in read.hulls.items():
-        read.block.vertex_count[i, k] = len(hull)
-        read.block.vertices[i, k, : len(hull)] = hull
-    return read.block
-
-
-def _check_memory(layout: Layout, n: int, vertices: int, path: Path) -> None:
-    """Raise :class:`LevelError` where the arrays of so many levels, with so many vertices, are larger than the limit."""
-    sizes: dict[Any, int] = {"n": n, "V": vertices}
+    hulls = (entity.get("vertices", ()) for level in listed for entity in level["entities"].values())
+    room = max([most_vertices, *map(len, hulls)])
+    sizes: dict[Any, int] = {"n": len(listed), "V": room}
     size = 0
     for form in level_forms(layout).values():
         axes: list[Any] = [sizes.get(axis, axis) for axis in form.axes]
         size += np.dtype(form.dtype).itemsize * math.prod(axes)
     check_size(path, size, "level file", LevelError)
+    return room
 
 
-@dataclass(frozen=True)
-class _Read:
-    """What has been read.
-
-    Attributes:
-        slots: name -> place of a slot.
-        hulls: level and slot -> vertices.
-    """
-
-    layout: Layout
-    block: Block
-    slots: Mapping[str, int] = field(init=False)
-    hulls: dict[tuple[int, int], list[list[float]]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "slots", {name: k for k, name in enumerate(self.layout.names)})
-
-
-def _read_level(at: str, level: Any, i: int, read: _Read) -> None:
+def _read_level(at: str, level: Any, i: int, levels: LevelData) -> None:
     """Put level ``i`` into the arrays."""
-    layout, block = read.layout, read.block
-    block.indices[i] = level.get("index", i)
+    layout = levels.layout
+    levels.provenance.indices[i] = level.get("index", i)
     given = level.get("parameters", {})
     _check_names(f"{at}.parameters", given, [p.__name__ for p in layout.parameters])
-    block.parameters[i] = [given.get(p.__name__, p.default) for p in layout.parameters]
-    _check_names(f"{at}.entities", level["entities"], read.slots)
+    levels.parameters[i] = [given.get(p.__name__, p.default) for p in layout.parameters]
+    _check_names(f"{at}.entities", level["entities"], layout.names)
     for name, entity in level["entities"].items():
-        _read_entity(f"{at}.entities.{name}", entity, i, read.slots[name], read)
-    if block.types[i, -1] < 0:  # the floor, which need not be said: its friction is a parameter
-        block.types[i, -1] = layout.types.index(GlobalFriction)
-        floor = block.parameters[i, layout.parameters.index(FloorFriction)]
-        block.values[i, -1, layout.columns[Friction]] = block.sampled_values[i, -1, layout.columns[Friction]] = floor
-    for k in np.flatnonzero(block.types[i] < 0).tolist():
+        _read_entity(f"{at}.entities.{name}", entity, i, layout.slot_index(name), levels)
+    if levels.types[i, -1] < 0:  # the floor, which need not be said: its friction is a parameter
+        levels.types[i, -1] = layout.types.index(GlobalFriction)
+        floor = levels.parameters[i, layout.parameters.index(FloorFriction)]
+        levels.values[i, -1, layout.columns[Friction]] = levels.sampled_values[i, -1, layout.columns[Friction]] = floor
+    for k in np.flatnonzero(levels.types[i] < 0).tolist():
         if not layout.slots[k].optional:
             raise LevelError(f"{at}.entities: '{layout.slots[k].name}' is absent, and every level must have it")
 
 
-def _read_entity(at: str, entity: Any, i: int, k: int, read: _Read) -> None:
+def _read_entity(at: str, entity: Any, i: int, k: int, levels: LevelData) -> None:
     """Put the entity in slot ``k`` of level ``i`` into the arrays."""
-    layout, block = read.layout, read.block
+    layout = levels.layout
     types = {t.__name__: t for t in layout.slots[k].types}
     if entity["type"] not in types:
         raise LevelError(f"{at}.type: must be {' or '.join(types)}, not {shown(entity['type'])}")
     kind = types[entity["type"]]
-    block.types[i, k] = layout.types.index(kind)
-    block.shape_kind[i, k] = shape = _shape(f"{at}.shape", entity.get("shape"), kind)
+    levels.types[i, k] = layout.types.index(kind)
+    levels.shape_kind[i, k] = shape = _shape(f"{at}.shape", entity.get("shape"), kind)
     if shape == HULL:
-        read.hulls[i, k] = _vertices(at, entity)
+        vertices = _vertices(at, entity)
+        levels.vertex_count[i, k] = len(vertices)
+        levels.vertices[i, k, : len(vertices)] = vertices
     elif "vertices" in entity:
         raise LevelError(f"{at}.vertices: only hulls have vertices, and its 'shape' is {shown(entity.get('shape'))}")
     factors = {f.__name__: f for f in layout.columns if f in kind.declared}
@@ -297,8 +273,8 @@ def _read_entity(at: str, entity: Any, i: int, k: int, read: _Read) -> None:
         if name not in entity["factors"]:
             raise LevelError(f"{at}.factors: '{name}' is absent, which every {kind.__name__} has")
         part = layout.columns_of(factor)
-        block.values[i, k, part] = value = _value(f"{at}.factors.{name}", entity["factors"][name], factor.width)
-        block.sampled_values[i, k, part] = (
+        levels.values[i, k, part] = value = _value(f"{at}.factors.{name}", entity["factors"][name], factor.width)
+        levels.sampled_values[i, k, part] = (
             _value(f"{at}.sampled.{name}", sampled[name], factor.width) if name in sampled else value
         )
 

@@ -18,10 +18,10 @@ import numpy as np
 from segar.errors import LevelError, PlacementError
 from segar.language import Entity, Layout, Parameter
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
-from segar.levels.from_entities import arrays_of_entities
+from segar.levels.from_entities import levels_of_entities
 from segar.levels.level_data import LEVEL_ARRAYS, LevelData, read_only
-from segar.levels.level_json import fields_of, is_json, read_json, write_json
-from segar.levels.sampling.placement import fix_block
+from segar.levels.level_json import is_json, levels_of, read_json, write_json
+from segar.levels.sampling.placement import fix_levels
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
 from segar.support import ArchiveFormat, Form, ShownInNotebooks, counted
@@ -67,7 +67,7 @@ class Levels(LevelData, ShownInNotebooks):
         """
         _require_world(world)
         path = Path(path)
-        levels = cls(**(read_json if is_json(path) else _read_npz)(path, world), world=world)
+        levels = cls(**vars((read_json if is_json(path) else _read_npz)(path, world)))
         check_levels(levels, f"{path}: ")
         return levels
 
@@ -94,7 +94,7 @@ class Levels(LevelData, ShownInNotebooks):
         """
         drawn = () if world is None or world.space is None else world.space.parameters
         values = {p: p.default for p in drawn} | dict(parameters or {})
-        made = cls(**arrays_of_entities(levels, values, name), world=world)
+        made = cls(**vars(levels_of_entities(levels, values, world, name)))
         check_levels(made, "Levels.from_entities: ")
         return made.without_overlaps() if fix_overlaps else made
 
@@ -128,7 +128,7 @@ class Levels(LevelData, ShownInNotebooks):
             PlacementError: the things of a level do not fit; the message names it.
         """
         fixed = self.writable()
-        stuck = fix_block(fixed.layout, fixed)
+        stuck = fix_levels(fixed)
         if len(stuck):
             raise PlacementError(f"level {stuck[0]}: its things do not fit into the arena without overlap")
         return dataclasses.replace(self, values=fixed.values)
@@ -186,7 +186,7 @@ def levels_from_data(data: Any, path: Path, inside: str, world: World | None) ->
         LevelError: as :meth:`Levels.load`.
     """
     _require_world(world)
-    levels = Levels(**fields_of(data, path, inside, world), world=world)
+    levels = Levels(**vars(levels_of(data, path, inside, world)))
     check_levels(levels, f"{path}: {inside}")
     return levels
 
@@ -198,8 +198,8 @@ def _require_world(world: Any) -> None:
         )
 
 
-def _read_npz(path: Path, world: World | None) -> dict[str, Any]:
-    """The arguments of :class:`Levels` that an npz file holds, all but the world; the arrays have the right forms."""
+def _read_npz(path: Path, world: World | None) -> LevelData:
+    """The levels that an npz file holds; the arrays have the right forms."""
     layouts: list[Layout] = []
 
     def forms(description: dict[str, Any]) -> Mapping[str, Form]:
@@ -209,4 +209,5 @@ def _read_npz(path: Path, world: World | None) -> dict[str, Any]:
 
     found, description = FORMAT.read(path, forms)
     arrays: dict[str, Any] = found
-    return origin_of(description, layouts[0], arrays.pop("indices"), path) | arrays
+    origin = origin_of(description, layouts[0], arrays.pop("indices"), path)
+    return LevelData(**origin, **arrays, world=world)

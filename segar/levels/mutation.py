@@ -12,7 +12,7 @@ from segar.levels.distribution import LevelDistribution
 from segar.levels.level_data import LEVEL_ARRAYS, OUTLINE, LevelData, Provenance
 from segar.levels.level_set import Levels
 from segar.levels.mixing import differing
-from segar.levels.sampling.placement import fix_block
+from segar.levels.sampling.placement import fix_levels
 from segar.levels.sampling.plan import SamplingPlan
 from segar.noise import Noise
 from segar.support import __version__, is_whole
@@ -175,7 +175,7 @@ def _can_be_drawn(distribution: LevelDistribution, tried: LevelData) -> np.ndarr
     if Position in layout.columns:
         x = layout.columns[Position]
         tried.values[:, :, x : x + 2] = tried.sampled_values[:, :, x : x + 2]
-    stuck = fix_block(layout, tried)
+    stuck = fix_levels(tried)
     fits = np.isfinite(distribution.log_prob(Levels(**vars(tried)), normalised=False))
     fits[stuck] = False
     return fits

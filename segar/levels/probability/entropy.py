@@ -12,13 +12,13 @@ import numpy as np
 
 from segar.errors import PlacementError
 from segar.language import Order, Position, Size
-from segar.levels.level_data import Block, LevelData
+from segar.levels.level_data import LevelData, Provenance
 from segar.levels.probability import log_prob
 from segar.levels.sampling.draws import CHUNK, Streams, draw_first_positions, draw_unplaced
 from segar.levels.sampling.placement import too_close
 from segar.levels.sampling.plan import SamplingPlan, SlotGroup
 from segar.noise import Choice, Noise, as_noise
-from segar.support import Estimate
+from segar.support import Estimate, __version__
 
 # Draws of the positions of all things from which an acceptance is estimated: to 0.1 % where it is a half.
 ACCEPTANCE_DRAWS = 200_000
@@ -28,7 +28,8 @@ def acceptance(plan: SamplingPlan, streams: Streams, draws: int) -> Estimate:
     """The share of first tries to place the things of a level that are not refused, over ``draws`` levels."""
     accepted = 0
     for start in range(0, draws, CHUNK):
-        block = Block.empty(plan.layout, plan.vertices, np.arange(start, min(start + CHUNK, draws)))
+        origin = Provenance(None, "", __version__, 0, "", np.arange(start, min(start + CHUNK, draws)))
+        block = LevelData.empty(plan.vertices, plan.layout, origin)
         draw_unplaced(plan, streams, block)
         accepted += int((~draw_first_positions(plan, streams, block)).sum())
     return _share(accepted, draws)

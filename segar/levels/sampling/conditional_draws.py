@@ -6,13 +6,13 @@ import numpy as np
 
 from segar.language import Factor, holds
 from segar.levels.conditional import Dependent
-from segar.levels.level_data import Block, LevelData
+from segar.levels.level_data import LevelData
 from segar.levels.priors import Prior, factors_read, relation_holds
 from segar.levels.sampling.plan import Draw, SamplingPlan
 
 
 def shift_and_scale(
-    plan: SamplingPlan, levels: Block | LevelData, slot: int, value: Any, rows: np.ndarray
+    plan: SamplingPlan, levels: LevelData, slot: int, value: Any, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Shift and scale of a slot's dependent distribution in the levels ``rows``, float64 ``(rows,)`` each.
 
@@ -36,7 +36,7 @@ def shift_and_scale(
 
 
 def where_prior_applies(
-    plan: SamplingPlan, levels: Block | LevelData, draw: Draw, prior: Prior, rows: np.ndarray
+    plan: SamplingPlan, levels: LevelData, draw: Draw, prior: Prior, rows: np.ndarray
 ) -> np.ndarray:
     """Whether the prior's relation holds for the slot's entity in each of the levels ``rows``, bool ``(rows,)``.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from segar.errors import LevelError, PlacementError, PriorError
 from segar.language import CIRCLE, HULL, BaseShape, Factor, Object, Order, Position, Size, Tile
-from segar.levels.level_data import Block
+from segar.levels.level_data import LevelData
 from segar.levels.priors import Prior, factors_read, specificity
 from segar.levels.sampling import placement
 from segar.levels.sampling.conditional_draws import shift_and_scale, where_prior_applies
@@ -42,61 +42,59 @@ class Streams:
         return f"{self.name}, level {int(level)} (seed {self.seed}, split '{self.split}')"
 
 
-def draw_levels(plan: SamplingPlan, streams: Streams, indices: np.ndarray) -> Block:
-    """Draw the levels with these indices (int64 ``(n,)``).
+def draw_levels(plan: SamplingPlan, streams: Streams, levels: LevelData) -> None:
+    """Draw empty levels, in place.
 
     Raises:
         PlacementError: the things of a level find no place.
         PriorError: a distribution gave a value that its factor cannot take.
     """
-    block = Block.empty(plan.layout, plan.vertices, indices)
-    for start in range(0, len(indices), CHUNK):
-        part = block.part(start, start + CHUNK)
+    for start in range(0, len(levels), CHUNK):
+        part = levels.part(start, start + CHUNK)
         draw_unplaced(plan, streams, part)
-        draw_outlines(plan, streams, part)
+        sizes = draw_outlines(plan, streams, part)
         draw_positions(plan, streams, part)
         draw_orders(plan, streams, part)
-        set_initial_values(plan, streams, part)
-    return block
+        set_initial_values(plan, streams, part, sizes)
 
 
-def draw_unplaced(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+def draw_unplaced(plan: SamplingPlan, streams: Streams, block: LevelData) -> None:
     """What is drawn before things get a shape and a place: types, parameters and factors."""
     draw_types(plan, streams, block)
     draw_parameters(plan, streams, block)
     draw_factors(plan, streams, block)
 
 
-def draw_types(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+def draw_types(plan: SamplingPlan, streams: Streams, block: LevelData) -> None:
     """Which entities a level has: counts, then types; and their constant factors."""
-    n = len(block.indices)
+    n = len(block.provenance.indices)
     for place, group in enumerate(plan.groups):
         count: Any = group.count
         if isinstance(count, Noise):
-            count = np.asarray(count.sample(streams.generator(block.indices, "count", place), n))
+            count = np.asarray(count.sample(streams.generator(block.provenance.indices, "count", place), n))
         for k, slot in enumerate(group.slots):
             types: Any = group.types
             if len(types) > 1:
-                rng = streams.generator(block.indices, "type", plan.layout.names[slot])
+                rng = streams.generator(block.provenance.indices, "type", plan.layout.names[slot])
                 types = rng.choice(group.types, size=n, p=group.probabilities)
             block.types[:, slot] = np.where(k < count, types, -1)
     block.types[:, -1] = len(plan.layout.types) - 1  # the arena's floor, the last slot of every layout
     block.sampled_values[:] = plan.templates[block.types]  # the last template, which -1 picks, is all nan
 
 
-def draw_parameters(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+def draw_parameters(plan: SamplingPlan, streams: Streams, block: LevelData) -> None:
     """World parameters of each level, and the floor's friction, which is one of them."""
     block.parameters[:] = plan.parameters
     for column, prior in plan.parameter_priors:
-        rng = streams.generator(block.indices, "parameter", prior.factor.__name__)
-        block.parameters[:, column] = _sample(streams, prior, prior.factor, rng, block.indices)
+        rng = streams.generator(block.provenance.indices, "parameter", prior.factor.__name__)
+        block.parameters[:, column] = _sample(streams, prior, prior.factor, rng, block.provenance.indices)
     if plan.rule_space is not None:
-        draws = partial(streams.generator, block.indices, "rules")
-        block.parameters[:, plan.rule_columns] = plan.rule_space.sample(draws, len(block.indices))
+        draws = partial(streams.generator, block.provenance.indices, "rules")
+        block.parameters[:, plan.rule_columns] = plan.rule_space.sample(draws, len(block.provenance.indices))
     plan.layout.set_floor(block.sampled_values, block.parameters)
 
 
-def draw_factors(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+def draw_factors(plan: SamplingPlan, streams: Streams, block: LevelData) -> None:
     """All factors with a distribution or a conditional value, but positions."""
     for draw in plan.draws:
         if not issubclass(draw.factor, Position):
@@ -104,12 +102,12 @@ def draw_factors(plan: SamplingPlan, streams: Streams, block: Block) -> None:
 
 
 def draw_factor(
-    plan: SamplingPlan, streams: Streams, block: Block, draw: Draw, rows: np.ndarray, attempt: int = 0
+    plan: SamplingPlan, streams: Streams, block: LevelData, draw: Draw, rows: np.ndarray, attempt: int = 0
 ) -> None:
     """One factor of one slot in the levels ``rows``: the value without condition, then those whose relation holds."""
     site = plan.layout.names[draw.slot], draw.factor.__name__
     target = block.sampled_values[:, draw.slot, plan.columns(draw.factor)]
-    levels = block.indices[rows]
+    levels = block.provenance.indices[rows]
     conditional: list[tuple[Prior, np.ndarray]] = []
     for k, prior in reversed(list(enumerate(draw.priors))):
         if not factors_read(prior) and not prior.is_random:
@@ -127,17 +125,24 @@ def draw_factor(
     _check_unambiguous(streams, conditional, levels)
 
 
-def draw_outlines(plan: SamplingPlan, streams: Streams, block: Block) -> None:
-    """Shapes; and Size, which without a prior of its own is the shape's."""
+def draw_outlines(plan: SamplingPlan, streams: Streams, block: LevelData) -> np.ndarray:
+    """Shapes; and Size, which without a prior of its own is the shape's.
+
+    Returns:
+        The size of each thing's shape, float64 ``(n, entities)``, nan where there is none.
+    """
+    sizes = np.full(block.types.shape, np.nan)
     for outline in plan.outlines:
         rows = np.flatnonzero(_holds(block.types, outline))
         site = plan.layout.names[outline.slot], "Shape"
-        chosen = outline.choice.sample_index(streams.generator(block.indices[rows], *site), len(rows))
+        chosen = outline.choice.sample_index(streams.generator(block.provenance.indices[rows], *site), len(rows))
         for k, shape in enumerate(outline.choice.keys):
             _draw_outline(plan, streams, block, outline, shape, rows[chosen == k])
+            sizes[rows[chosen == k], outline.slot] = shape.size
+    return sizes
 
 
-def draw_positions(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+def draw_positions(plan: SamplingPlan, streams: Streams, block: LevelData) -> None:
     """Positions; anew for levels in which two things come too close, at most 100 times."""
     again = np.flatnonzero(draw_first_positions(plan, streams, block))
     draws = _drawn_positions(plan)
@@ -152,10 +157,10 @@ def draw_positions(plan: SamplingPlan, streams: Streams, block: Block) -> None:
         raise _no_place(plan, streams, block, int(again[0]), len(draws) > 0)
 
 
-def draw_first_positions(plan: SamplingPlan, streams: Streams, block: Block) -> np.ndarray:
+def draw_first_positions(plan: SamplingPlan, streams: Streams, block: LevelData) -> np.ndarray:
     """The first try to place the things of each level; whether two of them came too close, bool ``(n,)``."""
     if Position not in plan.layout.columns:
-        return np.zeros(len(block.indices), dtype=bool)
+        return np.zeros(len(block.provenance.indices), dtype=bool)
     columns = plan.columns(Position)
     for slot, place in plan.fixed_positions.items():
         block.sampled_values[block.types[:, slot] >= 0, slot, columns] = place
@@ -168,23 +173,23 @@ def _drawn_positions(plan: SamplingPlan) -> list[Draw]:
     return [draw for draw in plan.draws if issubclass(draw.factor, Position) and draw.slot not in plan.fixed_positions]
 
 
-def draw_orders(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+def draw_orders(plan: SamplingPlan, streams: Streams, block: LevelData) -> None:
     """Heights in the pile: things whose Order is 0 get distinct random ranks among all things of the level."""
     if Order not in plan.layout.columns:
         return
     order = block.sampled_values[:, :, plan.layout.columns[Order]]
-    ranks = placement.random_ranks(streams.generator(block.indices, "Order"), ~np.isnan(order))
+    ranks = placement.random_ranks(streams.generator(block.provenance.indices, "Order"), ~np.isnan(order))
     np.copyto(order, ranks, where=order == 0)
 
 
-def set_initial_values(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+def set_initial_values(plan: SamplingPlan, streams: Streams, block: LevelData, sizes: np.ndarray) -> None:
     """Set the values that the simulation starts from: tiles and hulls get the size of their shape, overlaps are fixed."""
     block.values[:] = block.sampled_values
     if Size in plan.layout.columns:
         is_tile = np.array([*(issubclass(t, Tile) for t in plan.layout.types), False])
         follows = (block.shape_kind == HULL) | (is_tile[block.types] & (block.shape_kind == CIRCLE))
-        np.copyto(block.values[:, :, plan.layout.columns[Size]], block.shape_size, where=follows)
-    stuck = placement.fix_block(plan.layout, block)
+        np.copyto(block.values[:, :, plan.layout.columns[Size]], sizes, where=follows)
+    stuck = placement.fix_levels(block)
     if len(stuck):
         raise _stuck(plan, streams, block, int(stuck[0]))
 
@@ -241,14 +246,16 @@ def _check_unambiguous(streams: Streams, conditional: list[tuple[Prior, np.ndarr
 
 
 def _draw_outline(
-    plan: SamplingPlan, streams: Streams, block: Block, outline: Outline, shape: BaseShape, rows: np.ndarray
+    plan: SamplingPlan, streams: Streams, block: LevelData, outline: Outline, shape: BaseShape, rows: np.ndarray
 ) -> None:
     slot = outline.slot
     block.set_shape(rows, slot, shape)
     if not outline.size_is_drawn and Size in plan.layout.columns:
         block.sampled_values[rows, slot, plan.layout.columns[Size]] = shape.size
     if shape.is_random and shape.kind == HULL and len(rows):
-        hulls = shape.sample(streams.generator(block.indices[rows], plan.layout.names[slot], "hull"), len(rows))
+        hulls = shape.sample(
+            streams.generator(block.provenance.indices[rows], plan.layout.names[slot], "hull"), len(rows)
+        )
         block.vertices[rows, slot], block.vertex_count[rows, slot] = pad_hulls(hulls, plan.vertices, shape)
 
 
@@ -264,17 +271,17 @@ def pad_hulls(hulls: list[np.ndarray], room: int, owner: Any) -> tuple[np.ndarra
     return padded, count
 
 
-def _no_place(plan: SamplingPlan, streams: Streams, block: Block, row: int, drawn: bool) -> PlacementError:
+def _no_place(plan: SamplingPlan, streams: Streams, block: LevelData, row: int, drawn: bool) -> PlacementError:
     i, j, distance = placement.closest_pair(block.sampled_values[row, :, plan.columns(Position)])
     a, b = plan.layout.names[i], plan.layout.names[j]
     tries = f"after {placement.PLACEMENT_TRIES} tries" if drawn else "by their fixed positions"
     return PlacementError(
-        f"{streams.where(block.indices[row])}: {tries} '{a}' and '{b}' are {distance:.3g} apart, and centres must be"
+        f"{streams.where(block.provenance.indices[row])}: {tries} '{a}' and '{b}' are {distance:.3g} apart, and centres must be"
         f" more than {plan.min_distance:g} apart. Use fewer things, wider location priors, or a smaller min_distance"
     )
 
 
-def _stuck(plan: SamplingPlan, streams: Streams, block: Block, row: int) -> PlacementError:
+def _stuck(plan: SamplingPlan, streams: Streams, block: LevelData, row: int) -> PlacementError:
     is_object = [t >= 0 and issubclass(plan.layout.types[t], Object) for t in block.types[row]]
     position = np.where(np.array(is_object)[:, None], block.values[row, :, plan.columns(Position)], np.nan)
     i, j, distance = placement.closest_pair(position)
@@ -282,11 +289,11 @@ def _stuck(plan: SamplingPlan, streams: Streams, block: Block, row: int) -> Plac
     if not np.isfinite(distance):
         widest = int(np.nanargmax(sizes))
         return PlacementError(
-            f"{streams.where(block.indices[row])}: '{names[widest]}' (size {sizes[widest]:.3g}) does not fit between"
+            f"{streams.where(block.provenance.indices[row])}: '{names[widest]}' (size {sizes[widest]:.3g}) does not fit between"
             " the walls, which stand 2 apart. Make it smaller"
         )
     return PlacementError(
-        f"{streams.where(block.indices[row])}: things do not fit into the arena without overlap after"
+        f"{streams.where(block.provenance.indices[row])}: things do not fit into the arena without overlap after"
         f" {placement.OVERLAP_PASSES} passes; the tightest are '{names[i]}' (size {sizes[i]:.3g}) and '{names[j]}'"
         f" (size {sizes[j]:.3g}). Use fewer or smaller things"
     )

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from segar.language import CIRCLE, HULL, Layout, Object, Position, Size
-from segar.levels.level_data import Block, LevelData
+from segar.language import CIRCLE, HULL, Object, Position, Size
+from segar.levels.level_data import LevelData
 
 ARENA_LOW, ARENA_HIGH = -1.0, 1.0  # [m] where the walls stand
 MIN_DISTANCE = 0.1  # [m] centres of any two things start farther apart than this (2022)
@@ -46,8 +46,9 @@ def random_ranks(rng: Any, present: np.ndarray) -> np.ndarray:
     return heights.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
 
 
-def fix_block(layout: Layout, levels: Block | LevelData) -> np.ndarray:
+def fix_levels(levels: LevelData) -> np.ndarray:
     """Fix overlaps in ``levels.values`` in place, and return the int indices of the levels where that failed."""
+    layout = levels.layout
     if Position not in layout.columns:
         return np.zeros(0, dtype=int)
     x = layout.columns[Position]
