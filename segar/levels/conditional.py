@@ -70,10 +70,12 @@ class Dependent:
 
     def shift_and_scale(self, read: Read, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Shift and scale for ``count`` entities, float64 ``(count,)`` each."""
-        found: dict[int, Any] = {}
+        found: dict[Symbol, Any] = {}
         with np.errstate(all="ignore"):  # the caller reports values that are not finite
-            shift, scale = (_compute(symbol, read, found) for symbol in (self.shift, self.scale))
-        return np.broadcast_to(shift, (count,)), np.broadcast_to(scale, (count,))
+            for symbol in (*walk(self.shift), *walk(self.scale)):
+                if symbol not in found:
+                    found[symbol] = _operation(symbol, read, found)
+        return np.broadcast_to(found[self.shift], (count,)), np.broadcast_to(found[self.scale], (count,))
 
     def log_prob(self, x: np.ndarray, shift: np.ndarray, scale: np.ndarray) -> np.ndarray:
         """Log mass of the atom at ``x``, else log density."""
@@ -136,21 +138,15 @@ def _number_of(tree: Tree) -> Symbol:
     return make("select", tree.condition, _number_of(tree.yes), _number_of(tree.no))
 
 
-def _compute(symbol: Symbol, read: Read, found: dict[int, Any]) -> Any:
-    """A symbol for many entities at once."""
-    if id(symbol) not in found:
-        found[id(symbol)] = _operation(symbol, read, found)
-    return found[id(symbol)]
-
-
-def _operation(symbol: Symbol, read: Read, found: dict[int, Any]) -> Any:
+def _operation(symbol: Symbol, read: Read, found: dict[Symbol, Any]) -> Any:
+    """A symbol for many entities at once, of whose operands the values are found."""
     if symbol.op == "const":
         return symbol.args[0]
     if symbol.op == "load":
         factor: Any = symbol.args[1]
         return read(factor, *symbol.args[2:] or (0,))
     operation = getattr(np, _NUMPY_NAMES.get(symbol.op, symbol.op))
-    return operation(*(_compute(part, read, found) for part in symbol.args))
+    return operation(*(found[part] for part in symbol.args))
 
 
 # What numpy calls the operations of expressions, where it calls them otherwise.

@@ -34,7 +34,6 @@ from segar.support import Estimate, ShownInNotebooks, __version__, is_whole
 MOST_OF_A_KIND = 1000  # entities of an entry of ``numbers``: more are a slip, which would take memory and time
 MOST_LEVELS = 2**62  # indices of a split end before it
 MOST_TRIES, FEWEST_TRIES = 10, 1000  # levels per level that is asked for, and in all, before sampling apart gives up
-CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance", "task")
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -86,7 +85,8 @@ class LevelDistribution(ShownInNotebooks):
         **unknown: Any,
     ) -> None:
         for key in unknown:
-            raise LevelError(f"a level distribution has no '{key}'.{did_you_mean(key, CONFIG_KEYS)}")
+            known = [field.name for field in dataclasses.fields(self)]
+            raise LevelError(f"a level distribution has no '{key}'.{did_you_mean(key, known)}")
         if world is not None and not isinstance(world, World):
             raise LevelError(f"world must be a segar.World or None, not {world!r}; with_rules takes a list of rules")
         if not (isinstance(min_distance, (int, float)) and min_distance >= 0):
@@ -390,18 +390,16 @@ def _check_number(entry: Any) -> tuple[Any, Any]:
     name = getattr(who, "__name__", repr(who))
     if isinstance(many, Noise):
         values, masses = many.atoms if many.width == 1 else (np.zeros(0), np.zeros(0))
-        is_right = (values == np.rint(values)) & (values >= 0) & (values <= MOST_OF_A_KIND)
-        if abs(masses.sum() - 1) > 1e-9 or not is_right.all():
-            raise LevelError(
-                f"numbers: how many {name} must be a distribution of whole numbers from 0 to {MOST_OF_A_KIND:,}, not {many!r}"
-            )
-        return who, many
-    if not is_whole(many) or not 0 <= many <= MOST_OF_A_KIND:
+        whole = (values == np.rint(values)) & (values >= 0) & (values <= MOST_OF_A_KIND)
+        is_right = abs(masses.sum() - 1) <= 1e-9 and whole.all()
+    else:
+        is_right = is_whole(many) and 0 <= many <= MOST_OF_A_KIND
+    if not is_right:
         raise LevelError(
-            f"numbers: how many {name} must be a whole number from 0 to {MOST_OF_A_KIND:,} or a distribution of such, not"
-            f" {many!r}"
+            f"numbers: how many {name} must be a whole number from 0 to {MOST_OF_A_KIND:,}, or a distribution of whole numbers"
+            f" in this range, not {many!r}"
         )
-    return who, int(many)
+    return who, many if isinstance(many, Noise) else int(many)
 
 
 def _check_prior(prior: Any) -> Prior:

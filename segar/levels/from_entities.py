@@ -39,9 +39,9 @@ def levels_of_entities(
     for i, entities in enumerate(levels):
         for k, entity in enumerate(entities):
             block.types[i, k] = layout.types.index(type(entity))
-            for factor, column in layout.columns.items():
+            for factor in layout.columns:
                 if factor in entity:
-                    block.values[i, k, column : column + factor.width] = entity[factor]
+                    block.values[i, k, layout.columns_of(factor)] = entity[factor]
             if Shape in entity:
                 block.set_shape(i, k, entity[Shape])
     _set_parameters(block.parameters, layout, parameters)

@@ -106,9 +106,8 @@ def set_as(levels: Levels, donors: Levels, names: Collection[str], min_distance:
     if levels.layout != donors.layout:
         raise LevelError("the levels and those that give factors have different slots, types or parameters")
     layout, factors = levels.layout, [name for name in names if name not in (ENTITIES, Shape.__name__)]
-    x = layout.columns[Position]
-    values = donors.values.copy()
-    values[:, :, x : x + 2] = donors.sampled_values[:, :, x : x + 2]  # before the donors' own things were moved apart
+    place, values = layout.columns_of(Position), donors.values.copy()
+    values[:, :, place] = donors.sampled_values[:, :, place]  # before the donors' own things were moved apart
     given = with_room(dataclasses.replace(donors, values=values), levels)
     levels = with_room(levels, donors)
     mixed = mixed_levels(levels, given, {"set": factors}, {"set": True}).writable()
@@ -116,7 +115,7 @@ def set_as(levels: Levels, donors: Levels, names: Collection[str], min_distance:
         _set_entities(mixed, given)
     if Shape.__name__ in names:
         _set_outlines(mixed, given)
-    positions = mixed.values[:, :, x : x + 2]
+    positions = mixed.values[:, :, place]
     fits = ~too_close(positions, min_distance)
     before = positions.copy()
     fits[fix_levels(mixed)] = False

@@ -42,6 +42,8 @@ ENTITY = {"type": str, "shape?": (str, None), "vertices?": [[float]], "factors":
 LEVEL = {"index?": int, "parameters?": {str: float}, "entities": {str: ENTITY}}
 FILE = {"format": str, "version": int, "description": FORM, "levels": [LEVEL]}
 """The form of a file; what follows from the entities in it is checked where they are read."""
+NUMBER = {"type": "number"}
+PAIR = {"type": "array", "items": NUMBER, "minItems": 2, "maxItems": 2}
 
 
 def is_json(path: Path) -> bool:
@@ -112,13 +114,11 @@ def level_schema(layout: Layout | None = None) -> dict[str, Any]:
 
     It says what has which form. What only SEGAR knows, such as the range of a factor, is checked when a file is read.
     """
-    number = {"type": "number"}
-    value = {"anyOf": [number, {"type": "array", "items": number, "minItems": 2, "maxItems": 2}]}
-    parameters: dict[str, Any] = {"type": "object", "additionalProperties": number}
-    entities: dict[str, Any] = {"type": "object", "additionalProperties": _entity_schema(None, value)}
+    parameters: dict[str, Any] = {"type": "object", "additionalProperties": NUMBER}
+    entities: dict[str, Any] = {"type": "object", "additionalProperties": _entity_schema(None)}
     if layout is not None:
-        parameters = _closed({p.__name__: number for p in layout.parameters}, ())
-        slots = {s.name: {"anyOf": [_entity_schema(kind, value) for kind in s.types]} for s in layout.slots}
+        parameters = _closed({p.__name__: NUMBER for p in layout.parameters}, ())
+        slots = {s.name: {"anyOf": [_entity_schema(kind) for kind in s.types]} for s in layout.slots}
         entities = _closed(slots, [s.name for s in layout.slots[:-1] if not s.optional])
     level = _closed(
         {"index": {"type": "integer", "minimum": 0}, "parameters": parameters, "entities": entities}, ["entities"]
@@ -133,15 +133,13 @@ def level_schema(layout: Layout | None = None) -> dict[str, Any]:
     return head | _closed(parts, list(parts))
 
 
-def _entity_schema(kind: type[Entity] | None, value: dict[str, Any]) -> dict[str, Any]:
+def _entity_schema(kind: type[Entity] | None) -> dict[str, Any]:
     """The schema of an entity, of any type or of one."""
-    number = {"type": "number"}
-    pair = {"type": "array", "items": number, "minItems": 2, "maxItems": 2}
-    hull = {"type": "array", "items": pair, "minItems": 3, "maxItems": int(MOST_VERTICES)}
-    factors: dict[str, Any] = {"type": "object", "additionalProperties": value}
+    hull = {"type": "array", "items": PAIR, "minItems": 3, "maxItems": int(MOST_VERTICES)}
+    factors: dict[str, Any] = {"type": "object", "additionalProperties": {"anyOf": [NUMBER, PAIR]}}
     sampled, name, shapes = factors, {"type": "string"}, list(SHAPES)
     if kind is not None:
-        of_kind = {f.__name__: number if f.width == 1 else pair for f in kind.declared if f.width}
+        of_kind = {f.__name__: NUMBER if f.width == 1 else PAIR for f in kind.declared if f.width}
         factors, sampled, name = _closed(of_kind, list(of_kind)), _closed(of_kind, ()), {"const": kind.__name__}
         shapes = [shape for shape in SHAPES if (shape is None) == (Shape not in kind.declared)]
     parts = {"type": name, "shape": {"enum": shapes}, "vertices": hull, "factors": factors, "sampled": sampled}
@@ -193,7 +191,7 @@ def _entity(levels: LevelData, i: int, k: int) -> dict[str, Any]:
     made: dict[str, Any] = {"type": kind.__name__, "shape": NAMES_OF_SHAPES[int(levels.shape_kind[i, k])]}
     if made["shape"] == "hull":
         made["vertices"] = levels.vertices[i, k, : levels.vertex_count[i, k]].tolist()
-    parts = {f: slice(c, c + f.width) for f, c in layout.columns.items() if f in kind.declared}
+    parts = {f: layout.columns_of(f) for f in layout.columns if f in kind.declared}
     made["factors"] = {f.__name__: _numbers(values[part]) for f, part in parts.items()}
     moved = {f: part for f, part in parts.items() if values[part].tobytes() != sampled[part].tobytes()}
     if moved:

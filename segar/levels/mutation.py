@@ -2,7 +2,6 @@
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -26,18 +25,14 @@ class Site:
     """What one change draws anew.
 
     Attributes:
-        what: for people, such as ``golfball.Mass`` or ``Gravity``.
         slot: the slot of an entity, None for a world parameter.
-        columns: of the values of the slot; or the one column of the parameter.
-        is_shape: whether the shape is drawn anew, too.
-        is_entity: whether it is drawn anew if there is an entity, and of which type.
+        columns: of the values of the slot, or of the parameters.
+        arrays: what else is taken of the slot: its shape, or its shape and type.
     """
 
-    what: str
     slot: int | None
-    columns: tuple[int, ...]
-    is_shape: bool = False
-    is_entity: bool = False
+    columns: slice
+    arrays: tuple[str, ...] = ()
 
 
 def mutate(levels: Levels, rng: np.random.Generator, changes: int = 1) -> Levels:
@@ -108,27 +103,18 @@ def _changed_once(
 
 def mutable_sites(plan: SamplingPlan) -> list[Site]:
     """All that the plan draws, each with what it changes; ranks in the pile are left as they are."""
-    layout, sites = plan.layout, []
+    layout = plan.layout
     parameters = [column for column, _ in plan.parameter_priors] + plan.rule_columns
-    for column in parameters:
-        sites.append(Site(layout.parameters[column].__name__, None, (column,)))
-    drawn: dict[tuple[int, Any], None] = {
-        (d.slot, d.factor): None for d in plan.draws if not issubclass(d.factor, Order)
-    }
-    for slot, factor in drawn:
-        if slot not in plan.fixed_positions or not issubclass(factor, Position):
-            columns = plan.columns(factor)
-            name = f"{layout.names[slot]}.{factor.__name__}"
-            sites.append(Site(name, slot, tuple(range(columns.start, columns.stop))))
-    for outline in plan.outlines:
-        if outline.is_random:
-            size = (layout.columns[Size],) if Size in layout.columns else ()
-            sites.append(Site(f"{layout.names[outline.slot]}.Shape", outline.slot, size, is_shape=True))
+    sites = [Site(None, slice(column, column + 1)) for column in parameters]
+    for slot, factor in dict.fromkeys((draw.slot, draw.factor) for draw in plan.draws):
+        is_place = issubclass(factor, Position) and slot in plan.fixed_positions
+        if not is_place and not issubclass(factor, Order):
+            sites.append(Site(slot, layout.columns_of(factor)))
+    size = layout.columns_of(Size) if Size in layout.columns else slice(0)
+    sites += [Site(outline.slot, size, OUTLINE) for outline in plan.outlines if outline.is_random]
     for group in plan.groups:
         if isinstance(group.count, Noise) or len(group.types) > 1:
-            for slot in group.slots:
-                everything = tuple(range(layout.width))
-                sites.append(Site(layout.names[slot], slot, everything, is_shape=True, is_entity=True))
+            sites += [Site(slot, slice(layout.width), ("types", *OUTLINE)) for slot in group.slots]
     return sites
 
 
@@ -144,7 +130,7 @@ def _exchanged(
     for k, site in enumerate(sites):
         rows = np.flatnonzero(chosen == k)
         if site.slot is None:
-            arrays["parameters"][rows, site.columns[0]] = donors.parameters[rows, site.columns[0]]
+            arrays["parameters"][rows, site.columns] = donors.parameters[rows, site.columns]
         else:
             _exchange(arrays, donors, site, site.slot, rows)
     for name in ("sampled_values", "values"):
@@ -155,17 +141,18 @@ def _exchanged(
 def _exchange(arrays: dict[str, np.ndarray], donors: Levels, site: Site, slot: int, rows: np.ndarray) -> None:
     """Take what a slot has at one site of donors: whole entities of another type, or parts of entities of the same one."""
     ours, theirs = arrays["types"][rows, slot], donors.types[rows, slot]
-    rows = rows[ours != theirs] if site.is_entity else rows[(ours == theirs) & (ours >= 0)]
+    is_entity = "types" in site.arrays
+    rows = rows[ours != theirs] if is_entity else rows[(ours == theirs) & (ours >= 0)]
     order = donors.layout.columns.get(Order)
     for name in ("sampled_values", "values"):
         before = arrays[name][rows, slot]
         taken = before.copy()
-        taken[:, list(site.columns)] = getattr(donors, name)[rows, slot][:, list(site.columns)]
-        if order is not None and site.is_entity:
+        taken[:, site.columns] = getattr(donors, name)[rows, slot, site.columns]
+        if order is not None and is_entity:
             had, has = ~np.isnan(before[:, order]), ~np.isnan(taken[:, order])
             taken[had & has, order] = before[had & has, order]
         arrays[name][rows, slot] = taken
-    for name in ("types", *OUTLINE) if site.is_entity else OUTLINE if site.is_shape else ():
+    for name in site.arrays:
         arrays[name][rows, slot] = getattr(donors, name)[rows, slot]
 
 
@@ -173,8 +160,8 @@ def _can_be_drawn(distribution: LevelDistribution, tried: LevelData) -> np.ndarr
     """Whether the distribution can draw each of these levels, bool ``(n,)``; fixes their overlaps in place."""
     layout = tried.layout
     if Position in layout.columns:
-        x = layout.columns[Position]
-        tried.values[:, :, x : x + 2] = tried.sampled_values[:, :, x : x + 2]
+        place = layout.columns_of(Position)
+        tried.values[:, :, place] = tried.sampled_values[:, :, place]
     stuck = fix_levels(tried)
     fits = np.isfinite(distribution.log_prob(Levels(**vars(tried)), normalised=False))
     fits[stuck] = False

@@ -80,8 +80,8 @@ def _check_types(levels: LevelData, where: str) -> None:
 def _check_values(levels: LevelData, name: str, where: str) -> None:
     """Entities have the factors of their types and no others, with values that these can have."""
     layout, array = levels.layout, getattr(levels, name)
-    for factor, column in layout.columns.items():
-        numbers = array[:, :, column : column + factor.width]
+    for factor in layout.columns:
+        numbers = array[:, :, layout.columns_of(factor)]
         has = per_type(levels, factor)
         wrong = np.where(has[..., None], ~factor.is_possible(numbers), ~np.isnan(numbers)).any(axis=2)
         for level, slot in np.argwhere(wrong)[:1]:

@@ -257,12 +257,10 @@ class _Donors:
         return taken, self.levels[np.array(chosen)[taken]]
 
     def _draw(self) -> None:
-        start = self.blocks * BLOCK
-        block = self.distribution.sample(BLOCK, seed=self.seed, split=SPLIT, start=start)
-        self.blocks += 1
+        start, self.blocks = self.blocks * BLOCK, self.blocks + 1
         self.levels = self.distribution.sample(start + BLOCK, seed=self.seed, split=SPLIT)
-        for k, row in enumerate(block.types):
-            self.waiting.setdefault(row.tobytes() if self.by_types else b"", []).append(start + k)
+        for k, row in enumerate(self.levels.types[start:], start):
+            self.waiting.setdefault(row.tobytes() if self.by_types else b"", []).append(k)
 
 
 def _certified(levels: Levels, suite: Suite, rng: np.random.Generator) -> Plan:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from segar.envs import Policy
-from segar.errors import SuiteError, did_you_mean
+from segar.errors import SuiteError
 from segar.evaluation import Interval, evaluate_levels, mean_of_levels
 from segar.hardness import wilson_interval
 from segar.levels import Levels
@@ -91,8 +91,9 @@ class Causes(ShownInNotebooks):
 
     def cause(self, group: str) -> Cause:
         """The figures of a group; raises :class:`SuiteError` where there is none."""
-        one, twin = self.twins[group], self._of(group)
-        return Cause.of_levels(group, one.says, one.differs, self.on_levels[one.found], twin[one.found])
+        one = self.twins[group]
+        success = (played[one.found] for played in (self.on_levels, self.on_twins[group]))
+        return Cause.of_levels(group, one.says, one.differs, *success)
 
     def causes(self) -> tuple[Cause, ...]:
         """The figures of all groups, those in which training and test differ first."""
@@ -120,11 +121,6 @@ class Causes(ShownInNotebooks):
             rows.append([one.group, kind, str(one.twins), *numbers, f"{one.failures:g}", attributed])
         title = f"{self.twins.suite.name}: success {_mean(self.on_levels):.3f} on {len(self.on_levels)} test levels"
         return "\n".join([title, aligned(rows), *([f"note: {self.twins.note}"] if self.twins.note else [])])
-
-    def _of(self, group: str) -> np.ndarray:
-        if group not in self.on_twins:
-            raise SuiteError(f"there are no twins in '{group}'.{did_you_mean(str(group), self.on_twins)}")
-        return self.on_twins[group]
 
 
 def write_causes(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -77,13 +77,9 @@ def evaluate_on_suite(
         ActionError: as of :func:`segar.evaluate_policy`.
     """
     require_modes(distances)
-    given = {"episodes": episodes, "environment_seed": environment_seed, "scores": scores, **options}
-    found = {
-        side: evaluate_on_side(
-            policy, suite, side, seed, training_levels=training_levels, observation=observation, **given
-        )
-        for side in SIDES
-    }
+    given = {"training_levels": training_levels, "observation": observation, "episodes": episodes}
+    given |= {"environment_seed": environment_seed, "scores": scores, **options}
+    found = {side: evaluate_on_side(policy, suite, side, seed, **given) for side in SIDES}
     apart = {}
     if distances:
         train = suite.sample(seed, training_levels)

@@ -60,7 +60,7 @@ def log_probability(plan: SamplingPlan, levels: LevelData) -> LogProbability:
         target[rows] += _outline(plan, levels, outline, rows)
     found.other[:] += _ranks(plan, levels, ranked)
     if Position in plan.layout.columns:
-        position = levels.sampled_values[:, :, plan.columns(Position)]
+        position = levels.sampled_values[:, :, plan.layout.columns_of(Position)]
         found.other[too_close(position, plan.min_distance)] = -np.inf
     return found
 
@@ -75,7 +75,7 @@ def position_distributions(plan: SamplingPlan) -> dict[Noise, int]:
             for prior in draw.priors:
                 noises.setdefault(as_noise(prior.value), len(noises))
     if Position in plan.layout.columns:
-        for place in plan.templates[:, plan.columns(Position)].tolist():
+        for place in plan.templates[:, plan.layout.columns_of(Position)].tolist():
             if not math.isnan(place[0]):
                 noises.setdefault(Deterministic(place), len(noises))
     return noises
@@ -140,7 +140,7 @@ def _add_factors(
     for factor in plan.layout.types[kind].declared:
         if not factor.width or (factor is Size and plan.size_follows_shape(slot, kind)):
             continue
-        value = levels.sampled_values[rows, slot, plan.columns(factor)]
+        value = levels.sampled_values[rows, slot, plan.layout.columns_of(factor)]
         value = value if factor.width == 2 else value[:, 0]
         noise = plan.law(slot, factor, kind)
         if factor is Order and _may_be_zero(noise):

@@ -106,7 +106,7 @@ def draw_factor(
 ) -> None:
     """One factor of one slot in the levels ``rows``: the value without condition, then those whose relation holds."""
     site = plan.layout.names[draw.slot], draw.factor.__name__
-    target = block.sampled_values[:, draw.slot, plan.columns(draw.factor)]
+    target = block.sampled_values[:, draw.slot, plan.layout.columns_of(draw.factor)]
     levels = block.provenance.indices[rows]
     conditional: list[tuple[Prior, np.ndarray]] = []
     for k, prior in reversed(list(enumerate(draw.priors))):
@@ -152,7 +152,9 @@ def draw_positions(plan: SamplingPlan, streams: Streams, block: LevelData) -> No
         for draw in draws:
             rows = again[_holds(block.types[again], draw)]
             draw_factor(plan, streams, block, draw, rows, attempt)
-        again = again[placement.too_close(block.sampled_values[again, :, plan.columns(Position)], plan.min_distance)]
+        again = again[
+            placement.too_close(block.sampled_values[again, :, plan.layout.columns_of(Position)], plan.min_distance)
+        ]
     if len(again):
         raise _no_place(plan, streams, block, int(again[0]), len(draws) > 0)
 
@@ -161,7 +163,7 @@ def draw_first_positions(plan: SamplingPlan, streams: Streams, block: LevelData)
     """The first try to place the things of each level; whether two of them came too close, bool ``(n,)``."""
     if Position not in plan.layout.columns:
         return np.zeros(len(block.provenance.indices), dtype=bool)
-    columns = plan.columns(Position)
+    columns = plan.layout.columns_of(Position)
     for slot, place in plan.fixed_positions.items():
         block.sampled_values[block.types[:, slot] >= 0, slot, columns] = place
     for draw in _drawn_positions(plan):
@@ -272,7 +274,7 @@ def pad_hulls(hulls: list[np.ndarray], room: int, owner: Any) -> tuple[np.ndarra
 
 
 def _no_place(plan: SamplingPlan, streams: Streams, block: LevelData, row: int, drawn: bool) -> PlacementError:
-    i, j, distance = placement.closest_pair(block.sampled_values[row, :, plan.columns(Position)])
+    i, j, distance = placement.closest_pair(block.sampled_values[row, :, plan.layout.columns_of(Position)])
     a, b = plan.layout.names[i], plan.layout.names[j]
     tries = f"after {placement.PLACEMENT_TRIES} tries" if drawn else "by their fixed positions"
     return PlacementError(
@@ -283,7 +285,7 @@ def _no_place(plan: SamplingPlan, streams: Streams, block: LevelData, row: int, 
 
 def _stuck(plan: SamplingPlan, streams: Streams, block: LevelData, row: int) -> PlacementError:
     is_object = [t >= 0 and issubclass(plan.layout.types[t], Object) for t in block.types[row]]
-    position = np.where(np.array(is_object)[:, None], block.values[row, :, plan.columns(Position)], np.nan)
+    position = np.where(np.array(is_object)[:, None], block.values[row, :, plan.layout.columns_of(Position)], np.nan)
     i, j, distance = placement.closest_pair(position)
     names, sizes = plan.layout.names, block.values[row, :, plan.layout.columns[Size]]
     if not np.isfinite(distance):

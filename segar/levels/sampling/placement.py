@@ -51,8 +51,8 @@ def fix_levels(levels: LevelData) -> np.ndarray:
     layout = levels.layout
     if Position not in layout.columns:
         return np.zeros(0, dtype=int)
-    x = layout.columns[Position]
-    position = levels.values[:, :, x : x + 2]
+    place = layout.columns_of(Position)
+    position = levels.values[:, :, place]
     size = levels.values[:, :, layout.columns[Size]] if Size in layout.columns else np.zeros(position.shape[:2])
     radius = np.where(levels.shape_kind == CIRCLE, size / 2, 0.0)
     high = np.repeat(radius[..., None], 2, axis=-1)
@@ -66,7 +66,7 @@ def fix_levels(levels: LevelData) -> np.ndarray:
         radius[hull] = np.sqrt((vertices**2).sum(axis=-1)).max(axis=1)
     is_object = np.array([*(issubclass(t, Object) for t in layout.types), False])
     solid = is_object[levels.types] & (levels.shape_kind > 0)
-    levels.values[:, :, x : x + 2], stuck = fix_overlaps(position, low, high, radius, solid)
+    levels.values[:, :, place], stuck = fix_overlaps(position, low, high, radius, solid)
     return stuck
 
 

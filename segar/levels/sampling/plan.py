@@ -89,14 +89,9 @@ class SamplingPlan:
         drawn = () if self.rule_space is None else self.rule_space.parameters
         return list(map(self.layout.parameters.index, drawn))
 
-    def columns(self, factor: type[Factor]) -> slice:
-        """The columns of the factor's components in arrays of values."""
-        first = self.layout.columns[factor]
-        return slice(first, first + factor.width)
-
     def constant(self, kind: int, factor: type[Factor]) -> Deterministic:
         """The value that the factor of entities of type ``kind`` has where no prior draws it."""
-        value = self.templates[kind, self.columns(factor)].tolist()
+        value = self.templates[kind, self.layout.columns_of(factor)].tolist()
         return Deterministic(value if factor.width == 2 else value[0])
 
     def law(self, slot: int, factor: type[Factor], kind: int) -> Noise | Draw:
@@ -286,7 +281,7 @@ def _check_constant_places(plan: SamplingPlan) -> None:
     places = np.full((len(plan.layout.slots), 2), np.nan)
     for group in plan.groups:
         for slot in group.slots:
-            options = np.unique(plan.templates[list(group.types), plan.columns(Position)], axis=0)
+            options = np.unique(plan.templates[list(group.types), plan.layout.columns_of(Position)], axis=0)
             if slot in plan.fixed_positions:
                 places[slot] = plan.fixed_positions[slot]
             elif slot not in drawn and len(options) == 1 and not plan.layout.slots[slot].optional:
