@@ -11,6 +11,7 @@ from segar.levels import Levels, checks
 from segar.support import is_whole
 
 TRACES = 2048  # that are held at a time; bounds the memory
+NUDGE = 0.05  # by which the first action is moved to both sides, as a share of half its range
 
 
 @dataclass(frozen=True)
@@ -41,13 +42,9 @@ class Influence:
 
     Attributes:
         factors: one entry per entity and factor, most endogenous first: by share, then by reach.
-        horizon: steps. plays: of each level. tolerance: difference of two plays that counts as none.
     """
 
     factors: tuple[FactorInfluence, ...]
-    horizon: int
-    plays: int
-    tolerance: float
 
     def of_kind(self, kind: str) -> list[tuple[str, str]]:
         """Pairs (entity, factor) of one kind: 'endogenous', 'exogenous' or 'constant'."""
@@ -68,7 +65,6 @@ def influence(
     rng: np.random.Generator,
     horizon: int = 20,
     plays: int = 8,
-    nudge: float = 0.05,
     tolerance: float = 1e-9,
     seed: int = 0,
 ) -> Influence:
@@ -80,41 +76,38 @@ def influence(
     other factors either, is exogenous). The split is exact in what it calls endogenous. What it calls exogenous is so in
     these plays: more plays and a longer horizon can only find more that is endogenous.
 
-    For the gain the first action of each random play is moved by ``nudge`` to both sides, one number at a time. Where a
-    nudge decides whether bodies meet, the quotient is large, and rarely so: its mean does not depend much on the nudge.
+    For the gain the first action of each random play is moved a little to both sides, one number at a time. Where that
+    decides whether bodies meet, the quotient is large, and rarely so: its mean does not depend much on how far it is moved.
 
     Args:
         rng: of the plays.
         horizon: steps, at most the task's.
-        nudge: share of half the action's range.
         tolerance: difference of two plays up to which a factor counts as unmoved, in its own unit. Bodies that do not
             interact are equal to the bit, so it need not be large.
 
     Raises:
-        SegarError: horizon, plays or nudge make no sense.
+        SegarError: horizon or plays make no sense.
     """
     checks.require_generator("influence", rng)
     starts = make_starts(levels, task, seed)
-    whole = is_whole(horizon) and is_whole(plays)
-    if not whole or not 1 <= horizon <= starts.task.max_steps or plays < 1 or not 0 < nudge <= 1:
+    if not (is_whole(horizon) and is_whole(plays)) or not 1 <= horizon <= starts.task.max_steps or plays < 1:
         raise SegarError(
-            f"influence needs a horizon of 1 to {starts.task.max_steps} steps, at least 1 play and a nudge of more than 0"
-            f" and at most 1; not {horizon}, {plays} and {nudge}"
+            f"influence needs a horizon of 1 to {starts.task.max_steps} steps, at least 1 play; not {horizon} and {plays}"
         )
     n = len(levels)
     block = max(1, TRACES // (plays * 2 * (1 + len(starts.task.action_low))))
     blocks = [np.arange(at, min(at + block, n)) for at in range(0, n, block)]
-    found = [_measure(starts, rows, rng, horizon, plays, nudge) for rows in blocks]
-    reach, moved, slopes, weights, count = (np.concatenate(part) for part in zip(*found, strict=True))
+    found = [_measure(starts, rows, rng, horizon, plays) for rows in blocks]
+    reach, moved, slopes, weights = (np.concatenate(part) for part in zip(*found, strict=True))
     gains = (slopes.sum(axis=0) / np.maximum(weights.sum(axis=0), 1)[:, None, None]).max(axis=0)
-    return Influence(_entries(levels, reach, moved, gains, tolerance), horizon, int(count[0]), tolerance)
+    return Influence(_entries(levels, reach, moved, gains, tolerance))
 
 
 def _measure(
-    starts: Starts, rows: np.ndarray, rng: np.random.Generator, horizon: int, plays: int, nudge: float
+    starts: Starts, rows: np.ndarray, rng: np.random.Generator, horizon: int, plays: int
 ) -> tuple[np.ndarray, ...]:
     """Of each level in ``rows``: largest difference of two plays and largest change, ``(rows, entities, factors)``; sums
-    of derivatives' sizes ``(rows, horizon, entities, factors)`` and how many they are ``(rows, horizon)``; plays."""
+    of derivatives' sizes ``(rows, horizon, entities, factors)`` and how many they are ``(rows, horizon)``."""
     n, layout = len(rows), starts.levels.layout
     drawn = uniform_actions(starts.task, n * plays, horizon, rng).reshape(n, plays, horizon, -1)
     sequences = np.concatenate([drawn, _set_pieces(starts, rows, horizon)], axis=1)
@@ -128,8 +121,7 @@ def _measure(
     several = (running.sum(axis=1) >= 2)[..., None, None]
     reach = np.where(several, high - low, 0.0).max(axis=1)
     moved = np.abs(states - states[:, :, :1]).max(axis=(1, 2))
-    slopes, weights = _derivatives(starts, rows, drawn, nudge)
-    return _by_factor(layout, reach), _by_factor(layout, moved), slopes, weights, np.full(n, count)
+    return _by_factor(layout, reach), _by_factor(layout, moved), *_derivatives(starts, rows, drawn)
 
 
 def _set_pieces(starts: Starts, rows: np.ndarray, horizon: int) -> np.ndarray:
@@ -146,11 +138,11 @@ def _set_pieces(starts: Starts, rows: np.ndarray, horizon: int) -> np.ndarray:
     return np.concatenate([pieces, play_forks(starts, rows, script).actions[:, None, :horizon]], axis=1)
 
 
-def _derivatives(starts: Starts, rows: np.ndarray, drawn: np.ndarray, nudge: float) -> tuple[np.ndarray, np.ndarray]:
+def _derivatives(starts: Starts, rows: np.ndarray, drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sums over plays and numbers of the first action of the sizes of central differences, and how many there are."""
     n, plays, horizon, size = drawn.shape
     task = starts.task
-    step = nudge * (np.array(task.action_high, np.float32) - np.array(task.action_low, np.float32)) / 2
+    step = NUDGE * (np.array(task.action_high, np.float32) - np.array(task.action_low, np.float32)) / 2
     base = drawn.copy()
     base[:, :, 0] = np.clip(base[:, :, 0], np.array(task.action_low) + step, np.array(task.action_high) - step)
     nudged = np.repeat(np.repeat(base[:, :, None, None], size, axis=2), 2, axis=3)

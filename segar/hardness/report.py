@@ -20,8 +20,7 @@ class Hardness:
     Attributes:
         task: name of the task.
         plays: random episodes per level.
-        random_success: float64 ``(n,)``, share of them that succeed; ``random_low``, ``random_high``: its Wilson
-            interval of 95 %.
+        random_success: float64 ``(n,)``, share of them that succeed.
         random_return: float64 ``(n,)``, their mean return.
         scripted: the scripted player's episode on each level, None where the task has no such player.
         oracle: the best episodes that the planner found, with their actions; see :func:`segar.hardness.plan`.
@@ -30,20 +29,18 @@ class Hardness:
     task: str
     plays: int
     random_success: np.ndarray
-    random_low: np.ndarray
-    random_high: np.ndarray
     random_return: np.ndarray
     scripted: Episodes | None
     oracle: Plan
 
     def rows(self) -> list[dict[str, Any]]:
         """One dictionary per level of plain numbers and truths; steps are None where the level was not solved."""
-        rows = []
+        rows, (low, high) = [], wilson_interval(self.random_success, self.plays)
         for i in range(len(self.oracle)):
             row: dict[str, Any] = {
                 "level": i,
                 "random_success": float(self.random_success[i]),
-                "random_success_95": [float(self.random_low[i]), float(self.random_high[i])],
+                "random_success_95": [float(low[i]), float(high[i])],
                 "random_return": float(self.random_return[i]),
             }
             for name, player in self._players().items():
@@ -108,13 +105,10 @@ def hardness(
     require_search(samples, iterations)
     starts = make_starts(levels, task, seed, num_threads)
     solved, returns = random_episodes(starts, plays, rng)
-    low, high = wilson_interval(solved.mean(axis=1), plays)
     return Hardness(
         task=starts.task.name,
         plays=plays,
         random_success=solved.mean(axis=1),
-        random_low=low,
-        random_high=high,
         random_return=returns.mean(axis=1),
         scripted=scripted_episodes(starts),
         oracle=search(starts, rng, samples, iterations),

@@ -49,7 +49,7 @@ class Twin:
     """Twins of all test levels in one group of factors; arrays lead with the test level.
 
     Attributes:
-        group: such as ``"place"`` or ``"Mass"``. says: what it is, in words. factors: what is set.
+        group: such as ``"place"`` or ``"Mass"``. says: what it is, in words.
         differs: whether training and test differ in it; where they do not, its twins show what chance does.
         levels: twin i is of test level i; where there is none, it is the test level itself.
         found: bool ``(n,)``, whether there is a twin: another level, which the planner solves.
@@ -59,7 +59,6 @@ class Twin:
 
     group: str
     says: str
-    factors: tuple[str, ...]
     differs: bool
     levels: Levels
     found: np.ndarray
@@ -198,7 +197,7 @@ def _first(one: Twin, count: int) -> Twin:
 def _look(suite: Suite) -> Twin:
     """The same levels in the textures of training."""
     every = np.ones(len(suite.test_levels), np.bool_)
-    return Twin(LOOK, SAYS[LOOK], (), True, suite.test_levels, every, suite.plans, suite.textures[0])
+    return Twin(LOOK, SAYS[LOOK], True, suite.test_levels, every, suite.plans, suite.textures[0])
 
 
 def _twin(suite: Suite, group: str, names: tuple[str, ...], differs: bool, seed: int) -> Twin:
@@ -230,7 +229,7 @@ def _twin(suite: Suite, group: str, names: tuple[str, ...], differs: bool, seed:
             break
     says = _in_words(suite, group)
     textures = suite.textures[1] if suite.textures else ""
-    return Twin(group, says, names, differs, levels if made is None else made, found, plans, textures)
+    return Twin(group, says, differs, levels if made is None else made, found, plans, textures)
 
 
 class _Donors:
