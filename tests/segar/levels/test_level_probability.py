@@ -35,6 +35,7 @@ from segar.errors import LevelError, PlacementError, PriorError
 from segar.language import Bumper, Damper, Order, Square, StoredEnergy, Thing
 from segar.levels import Dependent
 from segar.levels.hashing import content_hash
+from segar.noise import Deterministic
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 
@@ -401,3 +402,9 @@ def test_parameters_and_fixed_places_are_explained_too():
 def test_a_question_that_has_no_answer_is_refused(entity, factor, message):
     with pytest.raises(PriorError, match=message):
         segar.family("objectsx3-hard").explain(entity, factor)
+
+
+def test_a_thing_that_always_starts_at_a_place_is_there_whatever_its_prior():
+    dist = LevelDistribution([(GolfBall, 1), (Ball, 1)], [ANYWHERE], positions=[(GolfBall, [(0.5, -0.25)])])
+    found = dist.marginals()
+    assert found["golfball"][Position] == Deterministic((0.5, -0.25)) != found["ball"][Position]
