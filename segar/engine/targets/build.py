@@ -6,12 +6,14 @@ import sys
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding as llvm
+
 from segar.engine.targets.entry import Entry
-from segar.engine.targets.native import AARCH64, native_object
+from segar.engine.targets.module import exported, linked_module, target_machine
 from segar.engine.targets.numba_ir import intermediate_code
 from segar.engine.targets.ptx import ptx_module
 from segar.engine.targets.wasm import STACK, wasm_module
@@ -20,6 +22,7 @@ from segar.support import ADVICE, private_cache_folder, replacing
 
 SUFFIXES = {"native": ".o", "aarch64": ".o", "wasm": ".wasm", "ptx": ".ptx"}  # of the files that a target has
 TARGETS = tuple(SUFFIXES)
+AARCH64 = "aarch64-unknown-linux-gnu"
 COMPILED = ("engine", "envs", "language", "observations", "policies", "support", "textures")
 """The rooms whose functions and constants compiled code has; what rules and tasks say stands in its text."""
 CHECKSUM = 32  # bytes of SHA-256 at the begin of a file in the cache
@@ -44,7 +47,9 @@ def build_kernel(entries: Sequence[Entry], target: str, about: Mapping[str, Any]
     """The module of a target that exports these entries; the first time of a world takes some ten seconds.
 
     Args:
-        target: "native" (an object file), "aarch64" (one for Linux on 64-bit ARM), "wasm", "ptx" (text for NVIDIA GPUs).
+        target: "native" (an object file, for every processor of this machine's kind), "aarch64" (one for Linux on 64-bit ARM),
+            "wasm", "ptx" (text for NVIDIA GPUs). Object files have C functions ``void f(int64_t start, ...)``, which call
+            nothing from outside but the C library's memset and memcpy.
         about: what the description says beside the exports; plain data.
 
     Raises:
@@ -63,7 +68,9 @@ def _code(entries: tuple[Entry, ...], target: str, description: str) -> bytes:
         return wasm_module(entries, found, described, STACK + max(one.scratch for one in entries))
     if target == "ptx":
         return ptx_module(entries, found, described).encode()
-    return native_object(entries, found, AARCH64 if target == "aarch64" else "")
+    triple = AARCH64 if target == "aarch64" else llvm.get_process_triple()
+    machine = target_machine(triple, "generic", "", reloc="pic")
+    return machine.emit_object(linked_module(entries, found, machine, triple, partial(exported, size="i64")))
 
 
 def kept_intermediate_code(entries: Sequence[Entry]) -> list[dict[str, Any]]:

@@ -251,11 +251,3 @@ def wrapper(entry: Entry) -> tuple[str, list[str]]:
     else:
         lines.append(f"    {entry.name}({', '.join(passed)})")
     return "\n".join([header, *lines, ""]), types
-
-
-def entry_of(data: Mapping[str, Any]) -> Entry:
-    """The entry that plain data describes."""
-    arguments = tuple(
-        Argument(**{**one, "shape": None if one["shape"] is None else tuple(one["shape"])}) for one in data["arguments"]
-    )
-    return Entry(**{**data, "arguments": arguments})

@@ -1,18 +1,18 @@
 """``python -m segar.engine.targets.numba_ir``: LLVM IR of entries, as numba makes it for a plain processor without vectors.
 
-Numba takes its processor from the environment when it is imported, so this runs in a process of its own: it reads entries as
-JSON from its input and writes JSON to its output.
+Numba takes its processor from the environment when it is imported, so this runs in a process of its own: it reads pickled
+entries from its input and writes JSON to its output.
 """
 
 import json
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
-from segar.engine.targets.entry import Entry, entry_of, wrapper
+from segar.engine.targets.entry import Entry, wrapper
 from segar.errors import SegarError
 
 PLAIN_PROCESSOR = {
@@ -24,12 +24,14 @@ PLAIN_PROCESSOR = {
 def intermediate_code(entries: Sequence[Entry]) -> list[dict[str, Any]]:
     """For each entry its ``ir`` and the ``symbol`` of its function there; raises :class:`SegarError` where numba fails."""
     done = subprocess.run(
-        [sys.executable, "-m", __spec__.name], input=json.dumps([asdict(one) for one in entries]), encoding="utf-8",
-        capture_output=True, env={**os.environ, **PLAIN_PROCESSOR, "PYTHONPATH": os.pathsep.join(sys.path)}, check=False,
+        [sys.executable, "-m", __spec__.name], input=pickle.dumps(entries), capture_output=True,
+        env={**os.environ, **PLAIN_PROCESSOR, "PYTHONPATH": os.pathsep.join(sys.path)}, check=False,
     )  # fmt: skip
     if done.returncode:
         names = ", ".join(one.name for one in entries)
-        raise SegarError(f"numba cannot compile {names} for other targets: {done.stderr.strip()[-2000:]}")
+        raise SegarError(
+            f"numba cannot compile {names} for other targets: {done.stderr.decode(errors='replace').strip()[-2000:]}"
+        )
     return json.loads(done.stdout)
 
 
@@ -55,5 +57,4 @@ def compile_entry(entry: Entry) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    found = [compile_entry(entry_of(one)) for one in json.load(sys.stdin)]
-    json.dump(found, sys.stdout)
+    json.dump([compile_entry(one) for one in pickle.load(sys.stdin.buffer)], sys.stdout)
