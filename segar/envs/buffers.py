@@ -90,7 +90,7 @@ class ReusedArrays:
 
     def clear(self, rows: np.ndarray) -> None:
         """Set all rows to 0; ``rows`` (int64) will be filled next."""
-        for memory in leaves(self._memory):  # type: ignore[arg-type]
+        for memory in leaves(self._memory):
             memory[self._filled] = 0
         self._filled = rows
 

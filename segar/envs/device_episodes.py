@@ -6,11 +6,12 @@ of the processor, compiled for the GPU, so that episodes are the same to the bit
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from functools import reduce
+from operator import getitem
 from typing import Any, NoReturn
 
 import numpy as np
 import torch
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 
 from segar.engine import BY_NUMBER, Call, State, StepResult, build_kernel, for_threads, step_entry
@@ -19,12 +20,11 @@ from segar.envs.episode_calls import check_call, count_call, observation_calls, 
 from segar.envs.episode_kernel import ACTION_NOT_FINITE
 from segar.envs.host_episodes import SEEDS, HostEpisodes, with_masks
 from segar.envs.level_pool import LevelPool
-from segar.envs.snapshots import STATE_ARRAYS, Snapshot
-from segar.envs.trials import trial_info
+from segar.envs.snapshots import STATE_ARRAYS, Snapshot, trial_info
 from segar.errors import ActionError, ConflictError, LevelError, RuleError, SegarError
 from segar.language import Factor, Parameter
 from segar.levels import Levels
-from segar.observations import map_leaves
+from segar.observations import empty_batch, map_leaves
 
 ONE_SEED = "on a GPU, environments cannot have seeds of their own; give reset() one seed for all of them"
 STEPS_BETWEEN_CHECKS = 64  # a check waits for the GPU
@@ -92,13 +92,14 @@ class DeviceEpisodes:
             )
         self.device, self.host, self.pool, self.observation = gpu.tensors, host, host.pool, host.observation
         simulator, levels = host.simulator, host.pool.levels
-        seen = observation_calls(host.observation, "a GPU", "choose one of these, or device='cpu'", in_rows=True)
+        advice = "choose one of these, or device='cpu'"
+        start, advance, write = observation_calls(host.observation, "a GPU", advice, in_rows=True)
         self._gpu, self._simulator, self._levels = gpu, simulator, levels
         self._space, self._num_envs = host.observation.space, host.num_envs
         self._step = step_entry(simulator.world, levels.layout, simulator.task, BY_NUMBER)
-        self._start = tuple(map(self._threads, (start_call(levels, host.trials), *seen.start)))
-        self._advance = tuple(map(self._threads, seen.advance))
-        self._write = tuple(map(self._threads, seen.write))
+        self._start = tuple(map(self._threads, (start_call(levels, host.trials), *start)))
+        self._advance = tuple(map(self._threads, advance))
+        self._write = tuple(map(self._threads, write))
         self._count = self._threads(count_call())
         self._check = self._threads(check_call(len(simulator.task.action_low)))
         calls = (*self._start, *self._advance, *self._write, self._count, self._check)
@@ -115,7 +116,7 @@ class DeviceEpisodes:
 
     def _threads(self, call: Call) -> Call:
         """The call with a thread per thing, which is an environment or a row of its frame."""
-        rows = _part(self._space, call.part).shape[1] if call.entry.things == "frame_rows" else 1
+        rows = reduce(getitem, call.part, self._space).shape[1] if call.entry.things == "frame_rows" else 1
         return for_threads(call, rows)
 
     def _allocate(self, calls: Iterable[Call]) -> None:
@@ -341,7 +342,8 @@ class DeviceEpisodes:
         """Tensors for observations, and for what comes of a step."""
         if self._kept is not None:
             return self._kept
-        seen = _map_space(lambda box: self._new(box.shape, torch.from_numpy(np.empty(0, box.dtype)).dtype), self._space)
+        empty = empty_batch(self._space, 0)
+        seen = map_leaves(lambda array: self._new(array.shape[1:], torch.from_numpy(array).dtype), empty)
         flags = ("terminated", "success", "death", "truncated", "ended")
         outcome = {"reward": self._new((), torch.float64), **{name: self._new((), torch.bool) for name in flags}}
         if not self.host.copy:
@@ -351,7 +353,7 @@ class DeviceEpisodes:
     def _launch_all(self, calls: Iterable[Call], given: Mapping[str, Any], seen: Any = None) -> None:
         """Start the kernels of calls; those that write observations write into ``seen``."""
         for call in calls:
-            self._launch(call, given if seen is None else {**given, **_named(_part(seen, call.part))})
+            self._launch(call, given if seen is None else {**given, **_named(reduce(getitem, call.part, seen))})
 
     def _launch(self, call: Call, given: Mapping[str, Any]) -> None:
         """Start the kernel of a call."""
@@ -393,24 +395,8 @@ def _where(mask: torch.Tensor, part: torch.Tensor) -> torch.Tensor:
     )
 
 
-def _part(tree: Any, keys: Iterable[Any]) -> Any:
-    """The part of an observation, or of its space, by keys from the outside in."""
-    for key in keys:
-        tree = tree[key]
-    return tree
-
-
 def _named(part: Any) -> dict[str, torch.Tensor]:
     """The tensors of an observation by the arguments of the calls that write it."""
     if isinstance(part, dict):
         return {"out": part["state"], "mask": part["mask"]}
     return {"out": part, "mask": part, "frames": part}
-
-
-def _map_space(function: Any, space: spaces.Space) -> Any:
-    """Tuples and dicts like those of a space, with ``function`` of each box."""
-    if isinstance(space, spaces.Dict):
-        return {name: _map_space(function, part) for name, part in space.items()}
-    if isinstance(space, spaces.Tuple):
-        return tuple(_map_space(function, part) for part in space)
-    return function(space)

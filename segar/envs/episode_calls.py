@@ -1,7 +1,5 @@
 """The bookkeeping of episodes as calls of compiled functions, for other targets than this processor."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from segar.engine import Call, Given, Rows, call_of, with_distinct_names
@@ -25,29 +23,17 @@ def start_call(levels: Levels, trials: int) -> Call:
     return call_of("start_episodes", start_episodes, given, {"level_values": ("levels", None, None)})
 
 
-@dataclass(frozen=True)
-class ObservationCalls:
-    """The calls of an observation, in the order in which they are made.
-
-    Attributes:
-        start: what it needs when episodes start.
-        advance: note that a step was taken.
-        write: write the observations of the present states.
-    """
-
-    start: tuple[Call, ...]
-    advance: tuple[Call, ...]
-    write: tuple[Call, ...]
-
-
 def observation_calls(
     observation: BoundObservation, target: str, advice: str, in_rows: bool = False
-) -> ObservationCalls:
+) -> tuple[tuple[Call, ...], tuple[Call, ...], tuple[Call, ...]]:
     """The calls of an observation.
 
     Args:
         target, advice: for the error: what lacks a compiled form, and what to do.
         in_rows: see :class:`segar.observations.RunsOnTargets`.
+
+    Returns:
+        What it needs when episodes start; what notes that a step was taken; what writes the observations of the present states.
 
     Raises:
         SegarError: it is not made by compiled functions alone.
@@ -61,7 +47,7 @@ def observation_calls(
     found = {when: calls_of(observation, when, in_rows) for when in ("start", "begin", "advance", "write")}
     named = iter(with_distinct_names([call for calls in found.values() for call in calls]))
     start, begin, advance, write = (tuple(next(named) for _ in calls) for calls in found.values())
-    return ObservationCalls((*start, *begin), advance, write)
+    return (*start, *begin), advance, write
 
 
 def count_call() -> Call:

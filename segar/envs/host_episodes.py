@@ -13,8 +13,7 @@ from segar.envs.buffers import Buffers
 from segar.envs.checks import actions_of, array_of, shown
 from segar.envs.episode_kernel import copy_numbers, count_step, draw_levels, moved_seed, start_episodes
 from segar.envs.level_pool import LevelPool
-from segar.envs.snapshots import Snapshot
-from segar.envs.trials import trial_info
+from segar.envs.snapshots import Snapshot, trial_info
 from segar.errors import LevelError
 from segar.language import Factor, FloorFriction, Mobile, Parameter, Size
 from segar.levels import Levels, check_crossings
@@ -74,9 +73,8 @@ class HostEpisodes:
         self._any_level = np.full(num_envs, -1)
         self._outcome = StepResult.empty(num_envs)
         self._has_factors = true_factors
-        self._seeds: np.ndarray | None = (
-            None  # uint64 (num_envs, 2): own seeds, and the places in a batch that draw by them
-        )
+        # uint64 (num_envs, 2): own seeds, and the places in a batch that draw by them.
+        self._seeds: np.ndarray | None = None
         self.over = np.zeros(num_envs, np.bool_)  # under NEXT_STEP, whether the next step starts another episode
         counts = (np.zeros(num_envs), np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64))
         self.now = Snapshot(State.empty(num_envs, levels.layout), *counts, seed)

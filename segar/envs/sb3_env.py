@@ -46,7 +46,8 @@ class SB3VecEnv(VecEnv):
             dict of arrays.
 
     Attributes:
-        vector_env: the batch; its methods ``state``, ``restore`` and ``intervene`` may be used between steps.
+        vector_env: the batch; its methods ``state``, ``restore``, ``intervene``, ``replace_levels`` and ``set_level_weights``
+            may be used between steps.
         info: the info of the batch's last step or reset, with all true factors; see :class:`segar.envs.VectorEnv`.
 
     Raises:
@@ -120,14 +121,6 @@ class SB3VecEnv(VecEnv):
             }
             if trials is not None:
                 infos[e]["trial"] = int(trials[e])
-
-    def replace_levels(self, indices: Any, levels: Levels) -> None:
-        """Take other levels for the episodes that begin from now on; see :meth:`segar.envs.VectorEnv.replace_levels`."""
-        self.vector_env.replace_levels(indices, levels)
-
-    def set_level_weights(self, weights: Any) -> None:
-        """Draw levels with these weights from now on; see :meth:`segar.envs.VectorEnv.set_level_weights`."""
-        self.vector_env.set_level_weights(weights)
 
     def close(self) -> None:
         """Close the window, if there is one."""

@@ -16,14 +16,11 @@ from segar.support import ArchiveFormat, Form
 LIMIT = 4 * 2**30  # [bytes] of a snapshot whose observations remember frames
 FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError, LIMIT)
 DESCRIPTION = {"seed": int, "memory?": [str], "parameters?": bool}
-DTYPES = {
-    "values": "float64",
-    "parameters": "float64",
-    "returns": "float64",
-    "key": "uint64",
-}  # of arrays; those of others are int64
+# Of arrays; those of others are int64.
+DTYPES = {"values": "float64", "parameters": "float64", "returns": "float64", "key": "uint64"}
 STATE_ARRAYS = tuple(array.name for array in fields(State))
 EPISODE_ARRAYS = ("returns", "lengths", "episodes")
+MOST_TRIALS = 1_000_000
 MEMORY = "memory/"  # stands before the names of what observations remember
 
 
@@ -186,3 +183,20 @@ def _form(name: str) -> Form:
     """What an array of the state or of the episodes must be in a file."""
     axes = {"values": ("entities", "columns"), "parameters": ("parameters",)}.get(name, ())
     return Form(DTYPES.get(name, "int64"), ("environments", *axes))
+
+
+def trial_info(trials: int, episodes: Any, lengths: Any) -> dict[str, Any]:
+    """What ``info`` says of trials; nothing where each level is played once.
+
+    Args:
+        trials: episodes on each level.
+        episodes, lengths: int64 ``(num_envs,)``, arrays or tensors: how many were started, and the steps of the running ones.
+
+    Returns:
+        ``trial`` (int64, from 0): which episode on its level runs; ``new_level`` (bool): whether it is the first one and no
+        step was taken yet.
+    """
+    if trials == 1:
+        return {}
+    trial = (episodes - 1) % trials
+    return {"trial": trial, "new_level": (trial == 0) & (lengths == 0)}

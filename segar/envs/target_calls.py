@@ -2,14 +2,7 @@
 
 from dataclasses import dataclass
 
-from segar.engine import (
-    Call,
-    Entry,
-    TargetKernel,
-    build_kernel,
-    described_world,
-    step_entry,
-)
+from segar.engine import Call, Entry, TargetKernel, build_kernel, described_world, step_entry
 from segar.envs.episode_calls import observation_calls, start_call
 from segar.envs.vector import VectorEnv
 
@@ -43,9 +36,9 @@ def environment_calls(env: VectorEnv) -> EnvironmentCalls:
         SegarError: its observation is not made by compiled functions alone.
     """
     advice = "give it a method calls(when) as in segar.observations.protocol.RunsOnTargets"
-    seen = observation_calls(env.observation, "other targets", advice)
+    start, advance, write = observation_calls(env.observation, "other targets", advice)
     step = step_entry(env.simulator.world, env.levels.layout, env.task)
-    return EnvironmentCalls(step, (start_call(env.levels, env.trials), *seen.start), seen.advance, seen.write)
+    return EnvironmentCalls(step, (start_call(env.levels, env.trials), *start), advance, write)
 
 
 def build_environment(env: VectorEnv, target: str) -> TargetKernel:

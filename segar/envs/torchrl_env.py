@@ -11,8 +11,7 @@ from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from segar.envs.level_pool import LevelPool
-from segar.envs.snapshots import Snapshot
-from segar.envs.trials import trial_info
+from segar.envs.snapshots import Snapshot, trial_info
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
 from segar.levels import Levels

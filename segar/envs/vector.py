@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -15,8 +16,7 @@ from segar.envs.action_range import ActionRange
 from segar.envs.checks import MOST_ENVIRONMENTS, MOST_THREADS, array_of, instance, seed_of, shown, whole_number
 from segar.envs.host_episodes import HostEpisodes
 from segar.envs.level_pool import LevelPool
-from segar.envs.snapshots import Snapshot
-from segar.envs.trials import MOST_TRIALS
+from segar.envs.snapshots import MOST_TRIALS, Snapshot
 from segar.errors import LevelError, SegarError, did_you_mean, must_be
 from segar.language import Factor, Factors, Parameter, Task
 from segar.levels import Levels, check_crossings, check_levels
@@ -146,7 +146,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         check_crossings(levels, world, self.task.sub_steps)
         self.simulator = Simulator(world, levels.layout, self.task, num_threads)
         self.num_envs, self.copy = num_envs, copy
-        self._actions = ActionRange(self.task, bool(unit_actions))
+        self.action_range = ActionRange(self.task, bool(unit_actions))
         self._started, self._spec = False, None
         self.render_mode, camera = render_mode, None
         if render_mode is not None:
@@ -155,7 +155,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             self.simulator,
             levels,
             for_task(make_observation(observation), self.task),
-            self._actions,
+            self.action_range,
             num_envs=num_envs,
             num_threads=num_threads,
             copy=copy,
@@ -167,7 +167,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         )
         self._episodes: Episodes = host if str(device) == "cpu" else _on_gpu(device, host)
         self.single_observation_space = self.observation.space
-        self.single_action_space = gymnasium.spaces.Box(self._actions.low, self._actions.high, dtype=np.float32)
+        self.single_action_space = gymnasium.spaces.Box(self.action_range.low, self.action_range.high, dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata["render_fps"] = steps_per_second(levels, self.task)
@@ -307,19 +307,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         lacks = layout.named(np.isnan(self.levels.values[level]))
         return Factors(layout, {name: np.where(lacks[name], np.nan, info["factors"][name][rows]) for name in lacks})
 
-    def in_action_space(self, actions: np.ndarray) -> np.ndarray:
-        """Actions of the task's range ``[..., action size]`` as the action space has them (``unit_actions``), float32."""
-        return self._actions.of_space(actions)
-
-    def in_task_range(self, actions: np.ndarray) -> np.ndarray:
-        """Actions of the action space ``[..., action size]`` as the task has them: what a step makes of them, float32."""
-        return self._actions.of_task(actions)
-
-    @property
-    def takes_task_actions(self) -> bool:
-        """Whether actions have the task's own range, as without ``unit_actions`` or where both ranges are equal."""
-        return not self._actions.is_mapped
-
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A frame of each environment, uint8; None without a render mode, and for 'human', where a window shows them.
 
@@ -363,11 +350,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickle holds the arguments, the episodes that run, and the random generators of spaces; nothing compiled."""
         kept = {name: value for name, value in vars(self).items() if name in KEPT_IN_PICKLES}
-        return (
-            _remade,
-            (type(self), self._arguments),
-            (self._started, self.state(), self._episodes.changed_pool(), kept),
-        )
+        running = self._started, self.state(), self._episodes.changed_pool(), kept
+        return partial(type(self), **self._arguments), (), running
 
     def __setstate__(self, state: tuple[bool, Snapshot, LevelPool | None, dict[str, Any]]) -> None:
         started, snapshot, pool, kept = state
@@ -442,10 +426,6 @@ def _on_gpu(device: Any, host: HostEpisodes) -> "Episodes":
     from segar.envs.device_episodes import DeviceEpisodes, open_gpu
 
     return DeviceEpisodes(open_gpu(device), host)
-
-
-def _remade(kind: type[VectorEnv], arguments: dict[str, Any]) -> VectorEnv:
-    return kind(**arguments)
 
 
 def world_of(levels: Levels) -> World:

@@ -13,7 +13,7 @@ class Idle:
     def begin(self, env: VectorEnv) -> None:
         """Episodes start in ``env``."""
         zero = np.zeros((env.num_envs, len(env.task.action_low)), np.float32)
-        self.actions = env.in_action_space(np.clip(zero, env.task.action_low, env.task.action_high))
+        self.actions = env.action_range.of_space(np.clip(zero, env.task.action_low, env.task.action_high))
 
     def __call__(self, observations: Any) -> np.ndarray:
         """Actions float32 ``(n, action size)``."""
@@ -34,7 +34,8 @@ class Random:
     def __call__(self, observations: Any) -> np.ndarray:
         """Actions float32 ``(n, action size)``."""
         low, high = (np.asarray(bound, np.float32) for bound in (self.env.task.action_low, self.env.task.action_high))
-        return self.env.in_action_space(low + (high - low) * self.rng.random((self.env.num_envs, len(low)), np.float32))
+        drawn = self.rng.random((self.env.num_envs, len(low)), np.float32)
+        return self.env.action_range.of_space(low + (high - low) * drawn)
 
 
 class Scripted:
@@ -46,4 +47,4 @@ class Scripted:
 
     def __call__(self, observations: Any) -> np.ndarray:
         """Actions float32 ``(n, action size)``; raises :class:`SegarError` if the task has no scripted player."""
-        return self.env.in_action_space(self.env.task.scripted_actions(self.env.factors))
+        return self.env.action_range.of_space(self.env.task.scripted_actions(self.env.factors))

@@ -58,7 +58,7 @@ class RecordedActions:
                 f"RecordedActions: these are actions of {count} levels with {size} components, and what is played are"
                 f" {len(env.levels)} levels with {len(env.task.action_low)} components"
             )
-        if env.trials > 1 or not env.takes_task_actions:
+        if env.trials > 1 or env.action_range.is_mapped:
             option = "trials" if env.trials > 1 else "unit_actions"
             raise ActionError(
                 f"RecordedActions: actions are of one episode on each level and have the range of the task; leave {option} out"
@@ -102,7 +102,7 @@ class _Recorder:
 
     def __call__(self, observations: Any) -> np.ndarray:
         actions = np.array(self._policy(observations))
-        self._batches[-1].append(self._policy.env.in_task_range(actions))
+        self._batches[-1].append(self._policy.env.action_range.of_task(actions))
         return actions
 
     def rows(self) -> list[np.ndarray]:

@@ -159,7 +159,7 @@ def test_levels_of_one_split_keep_their_origin_and_others_have_none():
     assert env.levels.distribution is DIST
 
 
-@pytest.mark.parametrize("kind", ["env", "gym", "gym_vector", "torchrl", "sb3", "sb3_method"])
+@pytest.mark.parametrize("kind", ["env", "gym", "gym_vector", "torchrl", "sb3"])
 def test_all_interfaces_take_levels_and_weights(kind):
     weights = np.eye(8)[3]
     options: dict[str, Any] = {"seed": 3, "max_steps": STEPS}
@@ -175,10 +175,11 @@ def test_all_interfaces_take_levels_and_weights(kind):
     else:
         env = SB3VecEnv(LEVELS, 1, **options)
     env.reset()
-    replace, weigh = env.replace_levels, env.set_level_weights
-    if kind == "sb3_method":
+    if kind == "sb3":
         replace, weigh = (lambda *given, name=name: env.env_method(name, *given) for name in (
             "replace_levels", "set_level_weights"))  # fmt: skip
+    else:
+        replace, weigh = env.replace_levels, env.set_level_weights
     replace([3], OTHERS[:1])
     weigh(weights)
     found = env.reset()

@@ -181,8 +181,8 @@ def test_unit_actions_are_mapped_to_the_range_of_the_task_and_back() -> None:
         given = rng.uniform(-1.2, 1.2, (8, 2)).astype(np.float32)
         mapped = np.array([2.0, 0.75], np.float32) + np.array([5.0, 0.25], np.float32) * np.clip(given, -1, 1)
         np.testing.assert_array_equal(plain.step(mapped)[0], unit.step(given)[0])
-        np.testing.assert_allclose(unit.in_action_space(mapped), np.clip(given, -1, 1), atol=1e-6)
-        assert plain.in_action_space(mapped) is mapped
+        np.testing.assert_allclose(unit.action_range.of_space(mapped), np.clip(given, -1, 1), atol=1e-6)
+        assert plain.action_range.of_space(mapped) is mapped
 
 
 def test_a_task_needs_no_function_but_its_action() -> None:
