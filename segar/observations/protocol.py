@@ -207,8 +207,8 @@ def empty_batch(space: spaces.Space, num_envs: int) -> Any:
     return create_empty_array(space, num_envs, np.empty)
 
 
-def leaves(tree: Arrays) -> Iterator[np.ndarray]:
-    """The arrays of an observation, in the order of its members."""
+def leaves(tree: Any) -> Iterator[Any]:
+    """What is in tuples and dicts of tuples and dicts, such as the arrays of an observation, in their order."""
     if isinstance(tree, (dict, tuple)):
         for part in tree.values() if isinstance(tree, dict) else tree:
             yield from leaves(part)
@@ -217,7 +217,7 @@ def leaves(tree: Arrays) -> Iterator[np.ndarray]:
 
 
 def map_leaves(function: Callable[[Any], Any], tree: Any) -> Any:
-    """The same tuples and dicts with ``function`` of each array in its place."""
+    """The same tuples and dicts with ``function`` of each of the :func:`leaves` in its place."""
     if isinstance(tree, dict):
         return {name: map_leaves(function, part) for name, part in tree.items()}
     if isinstance(tree, tuple):

@@ -1,28 +1,31 @@
 """What observations that are made of others pass on to them, and what a snapshot holds for an observation."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Self
+from dataclasses import replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from segar.errors import SegarError
 from segar.language import Factor, Task
 from segar.levels import Levels
-from segar.observations.protocol import BoundObservation, Observation, adapted, hooks_of
+from segar.observations.protocol import BoundObservation, Observation, adapted, hooks_of, leaves, map_leaves
 
 
-class Composed(ABC):
-    """An observation that is made of others."""
+class Composed:
+    """An observation that is made of others: a dataclass whose field ``MADE_OF`` holds one, or a tuple or dict of them."""
+
+    MADE_OF: ClassVar[str]
 
     @property
-    @abstractmethod
     def members(self) -> tuple[Observation, ...]:
         """The observations that it is made of, in order."""
+        return tuple(leaves(getattr(self, self.MADE_OF)))
 
-    @abstractmethod
     def of_changed(self, change: Callable[[Observation], Observation]) -> Self:
         """The same of other members."""
+        changed: Any = {self.MADE_OF: map_leaves(change, getattr(self, self.MADE_OF))}
+        return replace(self, **changed)  # type: ignore[type-var]
 
     def shows(self, factor: type[Factor]) -> bool:
         """Whether any of the members shows the factor."""

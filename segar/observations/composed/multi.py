@@ -3,7 +3,7 @@ what stands for an observation: a name, a tuple, a dict."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from segar.engine import Call
-from segar.errors import SegarError, must_be
+from segar.errors import SegarError, did_you_mean, must_be
 from segar.levels import Levels
 from segar.observations.composed.composed import BoundComposed, Composed
 from segar.observations.protocol import (
@@ -24,9 +24,10 @@ from segar.observations.protocol import (
     calls_of,
     draws_per_episode,
     empty_batch,
+    map_leaves,
     own_arrays,
 )
-from segar.observations.registry import OBSERVATIONS, observation_named
+from segar.observations.registry import OBSERVATIONS
 from segar.support import LOW_WORD, SPACING, SPARE_BITS, WORD, philox, stream_key
 
 
@@ -37,7 +38,9 @@ def make_observation(observation: ObservationLike) -> Observation:
         SegarError: no observation is called so, or it is none.
     """
     if isinstance(observation, str):
-        return observation_named(observation)
+        if observation not in OBSERVATIONS:
+            raise SegarError(f"no observation is called '{observation}'.{did_you_mean(observation, OBSERVATIONS)}")
+        return OBSERVATIONS[observation]()
     if isinstance(observation, (tuple, list, Mapping)):
         return Multi(observation)
     if not hasattr(observation, "bind"):
@@ -75,6 +78,7 @@ class Multi(Composed):
         SegarError: there is none, or one is no observation.
     """
 
+    MADE_OF = "parts"
     parts: Sequence[Any] | Mapping[str, Any]
 
     def __post_init__(self) -> None:
@@ -86,45 +90,27 @@ class Multi(Composed):
             made = tuple(make_observation(part) for part in self.parts)
         object.__setattr__(self, "parts", made)
 
-    @property
-    def members(self) -> tuple[Observation, ...]:
-        """The observations, in order."""
-        return tuple(self.parts.values()) if isinstance(self.parts, Mapping) else tuple(self.parts)
-
-    def of_changed(self, change: Callable[[Observation], Observation]) -> Multi:
-        """The same of other members."""
-        if isinstance(self.parts, Mapping):
-            return Multi({name: change(part) for name, part in self.parts.items()})
-        return Multi([change(part) for part in self.parts])
-
     def bind(self, levels: Levels, num_envs: int) -> BoundMulti:
         """The observations at work."""
-        names = list(self.parts) if isinstance(self.parts, Mapping) else None
-        return BoundMulti([member.bind(levels, num_envs) for member in self.members], names, num_envs)
+        return BoundMulti(map_leaves(lambda member: member.bind(levels, num_envs), self.parts), num_envs)
 
 
 class BoundMulti(BoundComposed):
     """:class:`Multi` in one batch of environments.
 
     Args:
-        names: of the members where the space is a Dict, None where it is a Tuple.
+        members: a tuple where the space is a Tuple, or a dict by name where it is a Dict.
     """
 
-    def __init__(self, members: list[BoundObservation], names: list[str] | None, num_envs: int) -> None:
-        keys: list[Any] = list(names or range(len(members)))
-        super().__init__(members, [str(key) for key in keys])
-        self._by_key = dict(zip(keys, members, strict=True))
-        own = [member.space for member in members]
-        self.space: spaces.Space = (
-            spaces.Tuple(own) if names is None else spaces.Dict(dict(zip(names, own, strict=True)))
-        )
-        self._order = keys if names is None else list(self.space)  # Gymnasium sorts the names of a Dict
-        owns = {key: own_arrays(member) is not None for key, member in self._by_key.items()}
-        self._others = {
-            key: empty_batch(member.space, num_envs)
-            for key, member in self._by_key.items()
-            if any(owns.values()) and not owns[key]
-        }
+    def __init__(self, members: tuple[BoundObservation, ...] | dict[str, BoundObservation], num_envs: int) -> None:
+        self._by_key: dict[Any, Any] = members if isinstance(members, dict) else dict(enumerate(members))
+        super().__init__([*self._by_key.values()], [str(key) for key in self._by_key])
+        own = map_leaves(lambda member: member.space, members)
+        self.space: spaces.Space = spaces.Dict(own) if isinstance(members, dict) else spaces.Tuple(own)
+        self._order = list(self.space if isinstance(self.space, spaces.Dict) else self._by_key)  # Gymnasium sorts names
+        lacking = [key for key, member in self._by_key.items() if own_arrays(member) is None]
+        some_own = len(lacking) < len(members)
+        self._others = {key: empty_batch(self._by_key[key].space, num_envs) for key in lacking if some_own}
 
     @property
     def kept(self) -> Arrays | None:
@@ -162,21 +148,13 @@ class Joined(Composed):
         SegarError: there is none, or one is no observation.
     """
 
+    MADE_OF = "parts"
     parts: Sequence[Any]
 
     def __post_init__(self) -> None:
         if isinstance(self.parts, str) or not self.parts:
             raise SegarError(f"Joined: parts must be a list of observations, at least one, not {self.parts!r}")
         object.__setattr__(self, "parts", tuple(make_observation(part) for part in self.parts))
-
-    @property
-    def members(self) -> tuple[Observation, ...]:
-        """The observations, in order."""
-        return tuple(self.parts)
-
-    def of_changed(self, change: Callable[[Observation], Observation]) -> Joined:
-        """The same of other members."""
-        return Joined(list(map(change, self.parts)))
 
     def bind(self, levels: Levels, num_envs: int) -> BoundJoined:
         """The observation at work; raises :class:`SegarError` if a part is no vector of float32."""
@@ -241,6 +219,7 @@ class OneOf(Composed):
         SegarError: an option is unknown or out of range.
     """
 
+    MADE_OF = "family"
     family: Sequence[Any]
     per: Literal["episode", "level"] = "episode"
     weights: Sequence[float] | None = None
@@ -261,11 +240,6 @@ class OneOf(Composed):
             )
 
     @property
-    def members(self) -> tuple[Observation, ...]:
-        """The observations, in order."""
-        return tuple(self.family)
-
-    @property
     def edges(self) -> np.ndarray:
         """Where on [0, 1) the range of each observation ends."""
         weights = self._weights()
@@ -274,10 +248,6 @@ class OneOf(Composed):
     def _weights(self) -> np.ndarray:
         """The weights, float64 ``[member]``."""
         return np.ones(len(self.family)) if self.weights is None else np.asarray(self.weights, float)
-
-    def of_changed(self, change: Callable[[Observation], Observation]) -> OneOf:
-        """The same of other members."""
-        return replace(self, family=list(map(change, self.family)))
 
     def bind(self, levels: Levels, num_envs: int) -> BoundOneOf:
         """The observations at work; raises :class:`SegarError` if their spaces differ."""

@@ -111,7 +111,6 @@ class PreviousStep:
     with a memory can learn from this what came of the earlier trials (Duan et al. 2016, RL²).
 
     Args:
-        action, reward: whether they are shown.
         reward_scale: what rewards are divided by; afterwards they are clipped to 1e6.
         task: the task of the actions; environments give theirs. The task that the levels name where it is None.
 
@@ -119,8 +118,6 @@ class PreviousStep:
         SegarError: the scale is no finite number above 0.
     """
 
-    action: bool = True
-    reward: bool = True
     reward_scale: float = 1.0
     task: Task | None = None
 
@@ -153,15 +150,10 @@ class BoundPreviousStep:
 
     def __init__(self, step: PreviousStep, task: Task, num_envs: int) -> None:
         self._low, self._high = np.array(task.action_low, np.float32), np.array(task.action_high, np.float32)
-        size = len(self._low) if step.action else 0
-        self._actions = slice(1, 1 + size)
-        self._reward = 1 + size if step.reward else None
         self._scale = float(step.reward_scale)
-        actions = [f"action.{k}" for k in range(size)]
-        self.names = ["episode.begins", *actions, *(["reward"] if step.reward else [])]
-        limit = [FACTOR_LIMIT] if step.reward else []
-        low = [0.0, *np.minimum(self._low, 0)[:size], *(-one for one in limit)]  # 0: no action yet
-        high = [1.0, *np.maximum(self._high, 0)[:size], *limit]
+        self.names = ["episode.begins", *(f"action.{k}" for k in range(len(self._low))), "reward"]
+        low = [0.0, *np.minimum(self._low, 0), -FACTOR_LIMIT]  # 0: no action yet
+        high = [1.0, *np.maximum(self._high, 0), FACTOR_LIMIT]
         self.space = gymnasium.spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
         self._numbers = np.zeros((num_envs, len(low)), np.float32)
 
@@ -179,13 +171,11 @@ class BoundPreviousStep:
     def advance(self, actions: np.ndarray) -> None:
         """Remember the actions of a step."""
         self._numbers[:, 0] = 0.0
-        if self._actions.stop > 1:
-            np.clip(actions, self._low, self._high, out=self._numbers[:, self._actions])
+        np.clip(actions, self._low, self._high, out=self._numbers[:, 1:-1])
 
     def rewarded(self, reward: np.ndarray) -> None:
         """Remember the rewards of a step."""
-        if self._reward is not None:
-            self._numbers[:, self._reward] = np.clip(reward / self._scale, -FACTOR_LIMIT, FACTOR_LIMIT)
+        self._numbers[:, -1] = np.clip(reward / self._scale, -FACTOR_LIMIT, FACTOR_LIMIT)
 
     def memory(self) -> dict[str, np.ndarray]:
         """A copy of the numbers."""

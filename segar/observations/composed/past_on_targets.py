@@ -1,10 +1,5 @@
 """What observations of the past do on other targets: kernels that change the stacks and the actions of environments."""
 
-from dataclasses import dataclass
-
-import numpy as np
-
-from segar.engine import Call, Given, Rows, call_of
 from segar.observations.copying import KERNEL_OPTIONS
 from segar.support import cached
 
@@ -15,40 +10,6 @@ SIZES: dict[str, tuple[str | None, ...]] = {
 DRAWN = {"frames": "drawn", "out": "drawn", "mask": "drawn_mask"}
 """Arguments of a call that writes an observation, and what they are called where it is written to be stacked. All are
 ``drawn``."""
-
-
-@dataclass(frozen=True)
-class StackArrays:
-    """The stacks of a batch of environments, and the calls that change them.
-
-    Attributes:
-        drawn: ``[env, pixel * plane]``, the newest frames, as the stacked observation writes them.
-        fresh: bool ``[env]``, whether the next frame fills the stack.
-        stacks: ``[env, n, plane, pixel]``, the newest frame last. What is not joined along its last axis is one plane.
-        is_drawn_turned: whether the planes of a pixel are neighbours in ``drawn``; otherwise the pixels of a plane are.
-        is_turned: whether the planes of all n frames of a pixel are neighbours in the observation.
-    """
-
-    drawn: np.ndarray
-    fresh: np.ndarray
-    stacks: np.ndarray
-    is_drawn_turned: bool
-    is_turned: bool
-
-    def mark_call(self, name: str, is_fresh: bool) -> Call:
-        """Mark stacks as ``fresh``, or as filled."""
-        return call_of(name, mark_stacks, [Rows(), is_fresh, self.fresh], SIZES)
-
-    def advance_call(self, things: str, parts: int) -> Call:
-        """Make each frame one older; each environment has ``parts`` things, which are parts of its frames."""
-        return call_of("advance_stacks", advance_stacks, [Rows(things), parts, self.stacks], SIZES)
-
-    def write_call(self, things: str, parts: int) -> Call:
-        """Take the newest frame from ``drawn``, and write the stacks."""
-        turns = (self.is_drawn_turned, self.is_turned)
-        out = Given(self.drawn.dtype.name, ("envs", self.drawn.shape[1] * self.stacks.shape[1]))
-        arguments = [Rows(things), parts, *turns, self.drawn, self.fresh, self.stacks, out]
-        return call_of("write_stacks", write_stacks, arguments, SIZES)
 
 
 @cached(**KERNEL_OPTIONS)
@@ -73,7 +34,15 @@ def advance_stacks(things, parts, stacks):
 @cached(**KERNEL_OPTIONS)
 def write_stacks(things, parts, is_drawn_turned, is_turned, drawn, fresh, stacks, out):
     """Take the newest frames from ``drawn``, all frames where the stack is ``fresh``, and write the stacks into ``out``, in
-    parts as :func:`advance_stacks`. The arrays are those of :class:`StackArrays`."""
+    parts as :func:`advance_stacks`.
+
+    Args:
+        is_drawn_turned: whether the planes of a pixel are neighbours in ``drawn``; otherwise the pixels of a plane are.
+        is_turned: whether the planes of all n frames of a pixel are neighbours in ``out``.
+        drawn: ``[env, pixel * plane]``, the newest frames, as the stacked observation writes them.
+        fresh: bool ``[env]``, whether the next frame fills the stack.
+        stacks: ``[env, n, plane, pixel]``, the newest frame last. What is not joined along its last axis is one plane.
+    """
     n, planes, pixels = stacks.shape[1], stacks.shape[2], stacks.shape[3]
     for t in range(len(things)):
         env, part = things[t] // parts, things[t] % parts

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-from segar.engine import Call, with_array
+from segar.engine import Call, Given, Rows, call_of, with_array
 from segar.errors import SegarError
 from segar.levels import Levels
 from segar.observations.composed.composed import BoundComposed, Composed, recall_array
 from segar.observations.composed.multi import make_observation
-from segar.observations.composed.past_on_targets import DRAWN, StackArrays
+from segar.observations.composed.past_on_targets import DRAWN, SIZES, advance_stacks, mark_stacks, write_stacks
 from segar.observations.copying import copy_rows
-from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation, calls_of
+from segar.observations.protocol import BoundObservation, DrawsPlanes, calls_of
 
 TAPE = 64  # steps until the frames have to be moved
 CHUNK = 64  # environments whose frames are copied while they are in the processor's cache
@@ -75,6 +75,7 @@ class Stack(Composed):
         SegarError: ``n`` is less than 1.
     """
 
+    MADE_OF = "observation"
     observation: Any
     n: int
 
@@ -82,15 +83,6 @@ class Stack(Composed):
         object.__setattr__(self, "observation", make_observation(self.observation))
         if self.n < 1:
             raise SegarError(f"Stack: n must be at least 1, not {self.n!r}")
-
-    @property
-    def members(self) -> tuple[Observation, ...]:
-        """The observation that is stacked."""
-        return (self.observation,)
-
-    def of_changed(self, change: Callable[[Observation], Observation]) -> Stack:
-        """The same of another observation."""
-        return replace(self, observation=change(self.observation))
 
     def bind(self, levels: Levels, num_envs: int) -> BoundStack:
         """The stack at work; raises :class:`SegarError` if what is stacked is not one array."""
@@ -176,27 +168,29 @@ class BoundStack(BoundComposed):
         The stacked observation is written into an array ``drawn``. The stacks are those that this object has now, so that a
         snapshot is taken from them and restored into them; they fit as long as only the calls advance.
         """
-        member, history = self.members[0], self._history
+        found = calls_of(self.members[0], when, in_rows)
         parts, things = (self.space.shape[1], "frame_rows") if in_rows and len(self.space.shape) == 3 else (1, "rows")
-        found = calls_of(member, when, in_rows)
+        drawn, stacks = self._history
         if when == "start":
-            return [history.mark_call("start_stacks", True), *found]
+            return [call_of("start_stacks", mark_stacks, [Rows(), True, self._fresh], SIZES), *found]
         if when == "advance":
-            return [history.advance_call(things, parts), *found]
+            return [call_of("advance_stacks", advance_stacks, [Rows(things), parts, stacks], SIZES), *found]
         if when == "write":
-            found = [with_array(call, history.drawn, DRAWN) for call in found]
-            return [*found, history.write_call(things, parts), history.mark_call("settle_stacks", False)]
+            turns = self._turned and self._drawn is not None, self._turned
+            out = Given(drawn.dtype.name, ("envs", drawn.shape[1] * stacks.shape[1]))
+            arguments = [Rows(things), parts, *turns, drawn, self._fresh, stacks, out]
+            write = call_of("write_stacks", write_stacks, arguments, SIZES)
+            settle = call_of("settle_stacks", mark_stacks, [Rows(), False, self._fresh], SIZES)
+            return [*(with_array(call, drawn, DRAWN) for call in found), write, settle]
         return found
 
     @cached_property
-    def _history(self) -> StackArrays:
-        """The arrays of :meth:`calls`."""
+    def _history(self) -> tuple[np.ndarray, np.ndarray]:
+        """The arrays ``drawn`` and ``stacks`` of :meth:`calls`, as :func:`write_stacks` has them."""
         num_envs, n, joined, *others = self._tape.stacks.shape
         planes, pixels = (joined, math.prod(others)) if self._turned else (1, joined * math.prod(others))
         drawn = np.zeros((num_envs, planes * pixels), self.kept.dtype)
-        stacks = self._tape.stacks.reshape(num_envs, n, planes, pixels)
-        is_drawn_turned = self._turned and self._drawn is not None
-        return StackArrays(drawn, self._fresh, stacks, is_drawn_turned, self._turned)
+        return drawn, self._tape.stacks.reshape(num_envs, n, planes, pixels)
 
     def _draw(self, values: np.ndarray, level: np.ndarray, rows: np.ndarray) -> None:
         """Write the newest frames of these environments into the stacks."""

@@ -131,9 +131,7 @@ class BoundPixels:
         ]
         tints = [(c.low, c.high or c.low, (*c.span, 0.0)) for c in colours]
         is_floor = np.array([language.Floor in t.declared for t in types])
-        self._may_change = bool(
-            (~is_floor & (np.array(columns) >= 0)).any()
-        )  # whether colours follow factors of objects
+        self._may_change = bool((~is_floor & (np.array(columns) >= 0)).any())  # whether objects' colours follow factors
         self._blends = np.full((num_envs, levels.types.shape[1]), np.nan)
         self._tints = (
             levels.types,
