@@ -30,22 +30,22 @@ def described_objective(train: Levels, test: Levels) -> dict[str, Any]:
     units = spread(*sets)
     priors = _Priors(sets)
     parameters = dict.fromkeys(one for levels in sets for one in levels.layout.parameters)
+
+    def known(owner: type, factor: type[Factor]) -> dict[str, Any]:
+        return _factor(factor, units.get((owner, factor), 0.0)) | {"priors": priors.of(owner, factor)}
+
     return {
         "types": [
             {
                 "name": kind.__name__,
                 "kinds": [_place(levels.layout.types, kind) for levels in sets],
-                "factors": [
-                    _factor(one, units.get((kind, one), 0.0)) | {"priors": priors.of(kind, one)}
-                    for one in relevant_factors(kind)
-                ],
+                "factors": [known(kind, one) for one in relevant_factors(kind)],
             }
             for kind in entity_types(*sets)
         ],
         "parameters": [
-            _factor(one, units.get((Parameter, one), 0.0))
-            | {
-                "priors": priors.of(Parameter, one),
+            {
+                **known(Parameter, one),
                 "default": float(one.default),
                 "columns": [_place(levels.layout.parameters, one) for levels in sets],
             }

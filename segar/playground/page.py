@@ -15,11 +15,10 @@ from segar.errors import LevelError, SegarError
 from segar.language import Task
 from segar.levels import Levels
 from segar.observations import Observation, trained_on
-from segar.playground.comparison import described_baselines
 from segar.playground.modules import Blobs
 from segar.playground.objective import described_objective
 from segar.playground.policy import Weights, described_policy
-from segar.playground.world import described_set, name_of
+from segar.playground.world import described_baselines, described_set, name_of
 from segar.policies import Network, NetworkPolicy
 from segar.rendering import SIGNS
 from segar.support import __version__, replacing
@@ -30,9 +29,7 @@ MOST_LEVELS = 2000  # of a set, in a page
 OF_TWO_SETS = ("measures.js", "panel_design.js", "transport.js")  # scripts that a page of one set lacks
 OF_THE_STUDIO = ("panel_studio.js",)  # that a page in a file lacks
 OF_A_MATCH = ("match.js",)  # that a page without one lacks
-DOCUMENTATION = re.compile(
-    r"^[ \t]*/\*\*.*?\*/[ \t]*\n", re.MULTILINE | re.DOTALL
-)  # of a script, in lines of their own
+DOCUMENTATION = re.compile(r"^[ \t]*/\*\*.*?\*/[ \t]*\n", re.MULTILINE | re.DOTALL)  # of a script, in lines of its own
 HEIGHT = 720  # [px] of a page in a notebook
 
 

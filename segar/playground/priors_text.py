@@ -13,6 +13,7 @@ from segar.noise import Choice, Deterministic, Empirical, Noise, as_noise
 
 CONDITIONAL_SAMPLE = 2000  # levels that show a factor whose distribution depends on others
 SPLIT = "describe"
+NOTHING: dict[str, Any] = dict.fromkeys(("mean", "sd", "low", "high"))  # is known of a distribution
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Described:
     def row(self) -> dict[str, Any]:
         """Distribution, mean, standard deviation and support, of distributions on the plane as pairs; None if unknown."""
         depends = f"depends on {', '.join(self.reads)}; drawn: " if self.reads else ""
-        numbers = _numbers(self.law) if isinstance(self.law, Noise) and self.law.width else _nothing()
+        numbers = _numbers(self.law) if isinstance(self.law, Noise) and self.law.width else NOTHING
         return {"entity": self.entity, "factor": self.factor.__name__, "law": f"{depends}{self.law!r}", **numbers}
 
 
@@ -150,16 +151,12 @@ def _conditional(distribution: LevelDistribution) -> dict[str, list[Described]]:
     return found
 
 
-def _nothing() -> dict[str, None]:
-    return dict.fromkeys(("mean", "sd", "low", "high"))
-
-
 def _numbers(law: Noise) -> dict[str, Any]:
     try:
         mean, deviation = np.asarray(law.mean, float), np.sqrt(np.asarray(law.var, float))
         support = np.asarray(law.support, float).reshape(-1, 2)
     except PriorError:  # a user's distribution need not have a distribution function
-        return _nothing()
+        return NOTHING
     if isinstance(law, Deterministic):
         deviation = np.zeros_like(mean)
     found = {"mean": mean, "sd": deviation, "low": support[:, 0], "high": support[:, 1]}

@@ -195,9 +195,8 @@ def _probes(path: Path) -> dict[str, tuple[float, float, float]]:
                 is_shown = [(column, "==", value) for column, value in SHOWN.items()]
                 table = parquet.read_table(stream, columns=["factor", *NUMBERS], filters=is_shown)
                 rows_shown = [[one[name] for name in ("factor", *NUMBERS)] for one in table.to_pylist()]
-                known = [
-                    row for row in rows_shown if None not in row and all(map(math.isfinite, row[1:]))
-                ]  # of what varies
+                # What does not vary has no R².
+                known = [row for row in rows_shown if None not in row and all(map(math.isfinite, row[1:]))]
                 return {str(factor): (float(r2), float(low), float(high)) for factor, r2, low, high in known}
         except (ArrowException, *DAMAGE) as cause:
             raise SegarError(f"{path} holds no probes of a run: {first_line(cause)}; {advice}") from cause

@@ -192,13 +192,8 @@ class Studio:
             return {}
         found = {}
         for folder in (file.parent for file in self.runs.rglob(NETWORK_FILE)):
-            near = [
-                one
-                for place in (folder, folder.parent.parent)
-                if place.is_relative_to(self.runs)
-                for one in place.iterdir()
-            ]
-            if all(one.resolve().is_relative_to(self.runs) for one in near):
+            near = [place for place in (folder, folder.parent.parent) if place.is_relative_to(self.runs)]
+            if all(one.resolve().is_relative_to(self.runs) for place in near for one in place.iterdir()):
                 found[folder.relative_to(self.runs).as_posix()] = folder
         return found
 

@@ -1,4 +1,5 @@
-"""What a page needs of a level set: modules that play and show it, and its entities, factors and priors in words."""
+"""What a page needs of a level set: modules that play and show it; its entities, factors and priors in words; and, to compare
+players, returns of random play, of an idle agent and of the planner, and its plans."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,6 +11,8 @@ from segar import language
 from segar.engine import Call, described_world
 from segar.envs import VectorEnv, environment_calls
 from segar.errors import PriorError, SegarError
+from segar.evaluation import find_baselines
+from segar.hardness import make_starts
 from segar.language import Entity, Factor, Task
 from segar.levels import LevelDistribution, Levels, description_of, hash_of_levels
 from segar.noise import Noise
@@ -26,6 +29,7 @@ AIMS = {
 BINS = 32  # of a prior's density
 TINY = 1e-9  # a negative number that is nearly zero
 TAIL = 0.002  # of a distribution without bounds that is not drawn, on each side
+SEED = 0  # of random play, of the search, and of the randomness in rules
 
 
 def described_set(
@@ -89,6 +93,24 @@ def described_set(
         "description": {**description_of(levels), "most_vertices": levels.vertices.shape[2]},
         "sampled": [blobs.add(changed.tobytes()), blobs.add(levels.sampled_values.ravel()[changed].tobytes())],
         "priors": _priors(levels.distribution) if isinstance(levels.distribution, LevelDistribution) else [],
+    }
+
+
+def described_baselines(levels: Levels, task: Task, blobs: Blobs) -> dict[str, Any]:
+    """The baselines that ``find_baselines(levels, task, rng=np.random.default_rng(0))`` gives, with the planner's actions.
+
+    The actions of all plans stand one after the other, float32; the keys, uint64, decide what rules draw in the plans.
+    """
+    found = find_baselines(levels, task, rng=np.random.default_rng(SEED), seed=SEED)
+    plan = found.plan
+    assert plan is not None  # find_baselines keeps it
+    actions = [plan.actions[i, :steps].tobytes() for i, steps in enumerate(plan.steps)]
+    return {
+        **{name: getattr(found, name).tolist() for name in ("random", "idle", "oracle")},
+        "solved": plan.solved.tolist(),
+        "steps": plan.steps.tolist(),
+        "actions": blobs.add(b"".join(actions)),
+        "keys": blobs.add(make_starts(levels, task, SEED).state.key.tobytes()),
     }
 
 

@@ -20,5 +20,5 @@ SIGNS: dict[str, Any] = {
         "beside": 0.65,
         "apart": 0.42,
         "weakest": 0.55,
-    },  # of a charge or magnet, shares of the radius
+    },  # of charges and magnets, shares of the radius
 }
