@@ -24,8 +24,8 @@ class PlayedEpisodes:
             implementation reported it.
         length: int64 ``(n,)``, steps.
         success, death: bool ``(n,)``.
+        trial: int64 ``(n,)``, which episode in a row on its level each was, from 0.
         results: what the task says of the last states, by name.
-        trial: int64 ``(n,)``, which episode in a row on its level each was, from 0; all 0 where none are given.
     """
 
     level: np.ndarray
@@ -34,12 +34,8 @@ class PlayedEpisodes:
     length: np.ndarray
     success: np.ndarray
     death: np.ndarray
+    trial: np.ndarray
     results: Mapping[str, np.ndarray] = field(default_factory=dict)
-    trial: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
-
-    def __post_init__(self) -> None:
-        if not len(self.trial):
-            object.__setattr__(self, "trial", np.zeros(len(self.level), np.int64))
 
     def __len__(self) -> int:
         return len(self.level)

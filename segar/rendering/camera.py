@@ -1,4 +1,4 @@
-"""The camera of an environment: its frames as arrays, or in a window that follows what happens."""
+"""The camera of an environment: its frames as arrays, also without pygame, or in a window that follows what happens."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -12,13 +12,15 @@ from segar.engine import State
 from segar.errors import SegarError, did_you_mean
 from segar.language import NO_LIMIT, Framerate, Task, WorldRules
 from segar.levels import Levels
-from segar.rendering.plain_frames import PlainFrames
+from segar.observations import Pixels
 from segar.rendering.scene import Stage, View
 from segar.support import has_pygame, need_pygame
 
 RENDER_MODES = ["rgb_array", "human"]  # the second needs pygame
 SMALL = View(size=256)  # of each of several environments
 SHOWN = 16  # environments in a window, at most
+LARGEST = 256  # [px] the side of the largest frame that Pixels draws; larger ones repeat pixels
+MULTIPLE = 4  # of which the side is one
 
 
 class Episodes(Protocol):
@@ -101,7 +103,7 @@ class Camera:
         return Painter(self.view)
 
     @cached_property
-    def _plain(self) -> PlainFrames:
+    def _plain(self) -> "PlainFrames":
         """Draws where pygame is not installed."""
         warnings.warn(
             "pygame is not installed: frames have no labels, arrows and text; pip install 'segar[render]'",
@@ -117,6 +119,30 @@ class Camera:
         if self._window is None:
             self._window = Window((frame.shape[1], frame.shape[0]), f"SEGAR: {self._stage.task.name}")
         self._window.show(frame, steps_per_second(self._stage.levels, self._stage.task))
+
+
+class PlainFrames:
+    """Frames without pygame, as large as a view asks for: what :class:`segar.observations.Pixels` draws of a batch of
+    ``num_envs`` environments on these levels."""
+
+    def __init__(self, levels: Levels, view: View, num_envs: int) -> None:
+        side = min(view.size // MULTIPLE * MULTIPLE, LARGEST)
+        self._view, self._num_envs = view, num_envs
+        self._pixels = Pixels(side, colours=view.colours).bind(levels, num_envs)
+        self._nearest = np.arange(view.size) * side // view.size
+        self._drawn = np.empty((num_envs, side, side, 3), np.uint8)
+
+    def frames(self, state: State, rows: Sequence[int]) -> list[np.ndarray]:
+        """A frame of each environment in ``rows``, uint8 ``view.shape``; the line below the arena is black."""
+        everywhere = np.arange(self._num_envs)
+        self._pixels.begin(state.values, state.level, np.ones(self._num_envs, np.bool_))
+        self._pixels.write(state.values, state.level, self._drawn, everywhere)
+        frames = []
+        for row in rows:
+            frame = np.zeros(self._view.shape, np.uint8)
+            frame[: self._view.size] = self._drawn[row][self._nearest[:, None], self._nearest]
+            frames.append(frame)
+        return frames
 
 
 def offered_modes() -> list[str]:

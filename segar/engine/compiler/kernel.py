@@ -13,7 +13,7 @@ import sys
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from types import ModuleType
 from typing import Any
 
@@ -93,29 +93,20 @@ def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunc
         RuleError: a rule or the task needs a parameter, an entity or a factor that the layout cannot serve.
         ConflictError: two rules always contradict each other.
     """
-    return _written(_Asked(layout, world, task))
+    functions = (task.act, task.reward, task.terminated, task.success, task.death)
+    meanings = tuple(tuple(map(_meaning, several)) for several in functions)
+    return _written(_Asked(layout, world, (meanings, task.action_low, task.action_high), task))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Asked:
     """What a kernel is written of. Functions of a task are traced anew each time, since what they read may have changed; those
-    that became the same are alike."""
+    of one meaning are alike."""
 
     layout: Layout
     world: language.WorldRules
-    task: language.TaskFunctions
-
-    @cached_property
-    def key(self) -> tuple[Any, ...]:
-        functions = (self.task.act, self.task.reward, self.task.terminated, self.task.success, self.task.death)
-        task = tuple(tuple(map(_meaning, several)) for several in functions)
-        return self.layout, self.world, task, self.task.action_low, self.task.action_high
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Asked) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
+    meaning: tuple[Any, ...]
+    task: language.TaskFunctions = field(compare=False)
 
 
 def _meaning(rule: Rule) -> tuple[Any, ...]:

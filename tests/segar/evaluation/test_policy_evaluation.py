@@ -32,10 +32,9 @@ def evaluation_of(returns_train, returns_test, shares=(0.0, 0.0)):
     results = []
     for returns, share in zip((returns_train, returns_test), shares, strict=True):
         n = len(returns)
-        no = np.zeros(n, np.bool_)
-        solved = np.full(n, share == 1.0)
-        played = PlayedEpisodes(np.arange(n), np.array(returns, float), np.zeros(n), np.ones(n, np.int64), solved, no)
-        results.append(segar.evaluation.LevelSetResult(played, n))
+        results.append(
+            segar.evaluation.LevelSetResult(played_with(np.full(n, share == 1.0), np.array(returns, float)), n)
+        )
     return segar.evaluation.Evaluation(*results)
 
 
@@ -219,7 +218,9 @@ def test_intervals_of_shares_end_where_shares_do():
     assert np.isnan(LevelSetResult(played_with([True]), 1).mean("success").low)
 
 
-def played_with(success):
+def played_with(success, returns=None):
+    """One episode on each level, one trial each."""
     n = len(success)
-    zeros = np.zeros(n)
-    return PlayedEpisodes(np.arange(n), zeros, zeros, np.ones(n, np.int64), np.array(success), np.zeros(n, np.bool_))
+    zeros, first, no = np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.bool_)
+    given = zeros if returns is None else returns
+    return PlayedEpisodes(np.arange(n), given, zeros, np.ones(n, np.int64), np.array(success), no, first)
