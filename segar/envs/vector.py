@@ -130,8 +130,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         instance("view", view, (View, NoneType), "a segar.rendering.View, or None")
         for name, flag in (("copy", copy), ("unit_actions", unit_actions), ("true_factors", true_factors)):
             instance(name, flag, (bool, np.bool_), "True or False")
-        if len(levels) == 0:
-            raise LevelError("the level set is empty")
         check_levels(levels)
         task = task or task_of(levels)
         limits = {"max_steps": max_steps, "sub_steps": sub_steps}
@@ -375,14 +373,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         layout = self.levels.layout
         if not (isinstance(factor, type) and issubclass(factor, Factor)):
             raise SegarError(f"intervene: factor must be a class such as segar.Mass, not {shown(factor)}")
-        of_world = entity == PARAMETERS and issubclass(factor, Parameter)
-        if not of_world:
+        if entity == PARAMETERS and issubclass(factor, Parameter):
+            if factor not in layout.parameters:
+                names = [parameter.__name__ for parameter in layout.parameters]
+                raise LevelError(f"no world parameter '{factor.__name__}'.{did_you_mean(factor.__name__, names)}")
+        else:
             layout.slot_index(entity)
-        elif factor not in layout.parameters:
-            names = [parameter.__name__ for parameter in layout.parameters]
-            raise LevelError(f"no world parameter '{factor.__name__}'.{did_you_mean(factor.__name__, names)}")
-        if not of_world and factor not in layout.columns:
-            layout.factor(factor.__name__)
+            if factor not in layout.columns:
+                layout.factor(factor.__name__)
         mask = array_of("intervene: where", where, np.bool_, self.num_envs)
         return self._episodes.intervene(
             entity, factor, value, np.ones(self.num_envs, np.bool_) if mask is None else mask

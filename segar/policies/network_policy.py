@@ -53,7 +53,6 @@ class NetworkPolicy:
         self._remembers = sampled or self._pass.memory_width > 0
         self._block = min(max(SCRATCH // self._pass.width, FEWEST), MOST)
         self._team = Team(num_threads)
-        self._scratch: list[tuple[np.ndarray, np.ndarray]] = []  # arrays that no thread uses now
         self._start(0)
 
     def begin(self, env: Environments) -> None:
@@ -148,10 +147,7 @@ class NetworkPolicy:
         """Write the actions of the environments of some blocks."""
         made, network = self._pass, self.network
         mean, log_std = made.outputs if self.sampled else (*made.outputs, 0)
-        try:
-            scratch, sums = self._scratch.pop()
-        except IndexError:
-            scratch, sums = np.empty(self._block * made.width, np.float32), np.empty(ROWS * TILE, np.float32)
+        scratch, sums = np.empty(self._block * made.width, np.float32), np.empty(ROWS * TILE, np.float32)
         for first in range(start * self._block, min(stop * self._block, len(rows)), self._block):
             count = min(self._block, len(rows) - first)
             forward(made.table, made.places, made.floats, rows, self._memory, scratch, made.width, sums, first, count)
@@ -159,4 +155,3 @@ class NetworkPolicy:
                 scratch, made.width, mean, log_std, *network.log_std_range, self._center, self._half_range, self._keys,
                 self._steps, self.sampled, actions, first, count,
             )  # fmt: skip
-        self._scratch.append((scratch, sums))

@@ -2,13 +2,13 @@
 
 from typing import Any
 
+from segar.engine.batch import State, StepResult
 from segar.engine.compiler.kernel import RANGE_ARGUMENTS, generate_range
 from segar.engine.targets.entry import BY_ENTITY, BY_NUMBER, Argument, Entry
 from segar.language import Layout, Task, WorldRules
 
 STEP = "advance_range"
 _NUMBERS = {"sub_steps": "int64", "with_task": "bool"}
-_BATCH = {"level": "int64", "key": "uint64", "tick": "int64", "contacts": "int64", "unresolved_contacts": "int64"}
 
 
 def step_entry(world: WorldRules, layout: Layout, task: Task, order: str = BY_ENTITY) -> Entry:
@@ -28,19 +28,18 @@ def step_entry(world: WorldRules, layout: Layout, task: Task, order: str = BY_EN
     """
     source = generate_range(layout, world, task.functions(), copies=order == BY_NUMBER)
     entities, width = len(layout.slots), layout.width
+    batch = {f"state_{name}": array for name, array in vars(State.empty(0, layout)).items()}
+    batch |= {f"result_{name}": array for name, array in vars(StepResult.empty(0)).items()}
     shapes: dict[str, tuple[str, tuple[int | str, ...]]] = {
         "actions": ("float32", ("envs", len(task.action_low))),
         "errors": ("int64", ("envs", 5)),
-        "state_values": ("float64", ("envs", entities, width)),
-        **{f"state_{name}": (dtype, ("envs",)) for name, dtype in _BATCH.items()},
+        **{name: (array.dtype.name, ("envs", *array.shape[1:])) for name, array in batch.items()},
         "level_bits": ("int64", ("levels", entities)),
         "level_kind": ("int8", ("levels", entities)),
         "level_count": ("int16", ("levels", entities)),
         "level_vertex": ("float64", ("levels", entities, "corners", 2)),
         "level_hull_radius": ("float64", ("levels", entities)),
         "level_parameters": ("float64", ("levels", len(layout.parameters))),
-        "result_reward": ("float64", ("envs",)),
-        **{f"result_{name}": ("bool", ("envs",)) for name in ("terminated", "success", "death")},
     }
     arguments = [Argument(name, dtype) for name, dtype in _NUMBERS.items()]
     arguments += [

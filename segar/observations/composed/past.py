@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import gymnasium
 import numpy as np
+from numpy.typing import ArrayLike
 
 from segar.engine import Call, Given, Rows, call_of
 from segar.errors import SegarError
@@ -52,45 +53,56 @@ class PreviousActions:
         return BoundPreviousActions(self.n, self.task or task_of(levels), num_envs)
 
 
-class BoundPreviousActions:
-    """:class:`PreviousActions` in one environment."""
+class BoundPast:
+    """Numbers of the past in one batch of environments, which snapshots hold under a name.
+
+    Args:
+        low, high: float ``(numbers,)``, the bounds of the numbers.
+    """
 
     draws_per_episode = False
+
+    def __init__(self, name: str, low: ArrayLike, high: ArrayLike, num_envs: int) -> None:
+        self.space = gymnasium.spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
+        self._name, self._numbers = name, np.zeros((num_envs, *self.space.shape), np.float32)
+
+    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        """Nothing to prepare."""
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """A copy of the numbers."""
+        return {self._name: self._numbers.copy()}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Remember the numbers in ``memory``."""
+        recall_array(memory, self._name, self._numbers)
+
+    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
+        """Fill ``out[rows]``."""
+        out[rows] = self._numbers[rows]
+
+
+class BoundPreviousActions(BoundPast):
+    """:class:`PreviousActions` in one environment."""
 
     def __init__(self, n: int, task: Task, num_envs: int) -> None:
         self._low, self._high = np.array(task.action_low, np.float32), np.array(task.action_high, np.float32)
         self._size = len(self._low)
         low, high = np.tile(np.minimum(self._low, 0), n), np.tile(np.maximum(self._high, 0), n)  # 0: no action yet
-        self.space = gymnasium.spaces.Box(low, high, dtype=np.float32)
-        self._actions = np.zeros((num_envs, n * self._size), np.float32)
+        super().__init__("actions", low, high, num_envs)
 
     def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Forget the actions of earlier episodes."""
-        self._actions[mask] = 0.0
-
-    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
-        """Nothing to prepare."""
+        self._numbers[mask] = 0.0
 
     def advance(self, actions: np.ndarray) -> None:
         """Remember the actions of a step."""
-        self._actions[:, : -self._size] = self._actions[:, self._size :]
-        np.clip(actions, self._low, self._high, out=self._actions[:, -self._size :])
-
-    def memory(self) -> dict[str, np.ndarray]:
-        """A copy of the actions."""
-        return {"actions": self._actions.copy()}
-
-    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
-        """Remember the actions in ``memory``."""
-        recall_array(memory, "actions", self._actions)
-
-    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
-        """Fill ``out[rows]``."""
-        out[rows] = self._actions[rows]
+        self._numbers[:, : -self._size] = self._numbers[:, self._size :]
+        np.clip(actions, self._low, self._high, out=self._numbers[:, -self._size :])
 
     def calls(self, when: str, in_rows: bool = False) -> list[Call]:
         """What ``start``, ``advance`` and ``write`` do, for other targets; see :class:`segar.observations.RunsOnTargets`."""
-        past, length = self._actions, self._actions.shape[1]
+        past, length = self._numbers, self._numbers.shape[1]
         if when == "start":
             return [call_of("forget_actions", forget_actions, [Rows(), past], SIZES)]
         if when == "advance":
@@ -139,14 +151,12 @@ class PreviousStep:
         return BoundPreviousStep(self, self.task or task_of(levels), num_envs)
 
 
-class BoundPreviousStep:
+class BoundPreviousStep(BoundPast):
     """:class:`PreviousStep` in one batch of environments.
 
     Attributes:
         names: what each number is: ``episode.begins``, ``action.0`` and so on, ``reward``.
     """
-
-    draws_per_episode = False
 
     def __init__(self, step: PreviousStep, task: Task, num_envs: int) -> None:
         self._low, self._high = np.array(task.action_low, np.float32), np.array(task.action_high, np.float32)
@@ -154,8 +164,7 @@ class BoundPreviousStep:
         self.names = ["episode.begins", *(f"action.{k}" for k in range(len(self._low))), "reward"]
         low = [0.0, *np.minimum(self._low, 0), -FACTOR_LIMIT]  # 0: no action yet
         high = [1.0, *np.maximum(self._high, 0), FACTOR_LIMIT]
-        self.space = gymnasium.spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
-        self._numbers = np.zeros((num_envs, len(low)), np.float32)
+        super().__init__("step", low, high, num_envs)
 
     def forget(self, mask: np.ndarray) -> None:
         """Forget action and reward where a level begins."""
@@ -165,9 +174,6 @@ class BoundPreviousStep:
         """Note that episodes begin where ``mask`` is true."""
         self._numbers[mask, 0] = 1.0
 
-    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
-        """Nothing to prepare."""
-
     def advance(self, actions: np.ndarray) -> None:
         """Remember the actions of a step."""
         self._numbers[:, 0] = 0.0
@@ -176,15 +182,3 @@ class BoundPreviousStep:
     def rewarded(self, reward: np.ndarray) -> None:
         """Remember the rewards of a step."""
         self._numbers[:, -1] = np.clip(reward / self._scale, -FACTOR_LIMIT, FACTOR_LIMIT)
-
-    def memory(self) -> dict[str, np.ndarray]:
-        """A copy of the numbers."""
-        return {"step": self._numbers.copy()}
-
-    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
-        """Remember the numbers in ``memory``."""
-        recall_array(memory, "step", self._numbers)
-
-    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
-        """Fill ``out[rows]``."""
-        out[rows] = self._numbers[rows]

@@ -77,9 +77,7 @@ def lay_out(options: StateOptions, layout: Layout) -> Places:
     """The places of a state observation on a layout; raises :class:`LevelError` for what is not there."""
     chosen = _chosen_slots(options, layout)
     draft = _Draft(layout)
-    rows = (
-        _lay_out_table(options, draft, chosen) if options.form == "table" else _lay_out_vector(options, draft, chosen)
-    )
+    rows = (_lay_out_table if options.form == "table" else _lay_out_vector)(options, draft, chosen)
     for parameter in _chosen_parameters(options, layout):
         draft.add_parameter(parameter)
     if not draft.names:

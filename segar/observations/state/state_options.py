@@ -31,24 +31,29 @@ def factors_of(
 
     Args:
         where: who asks, for messages.
-        kind: what a name stands for: factors of entities, world parameters (:class:`Parameter`), or both (None).
+        kind: what is meant: factors of entities, world parameters (:class:`Parameter`), or both (None).
 
     Raises:
-        FactorError: one is no factor, has no number, or no factor is called so.
+        FactorError: one is no factor, is of the other kind, has no number, or no factor is called so.
     """
-    if isinstance(given, str):
-        given = [given]
-    return tuple(dict.fromkeys(factor for one in given for factor in _factors(where, one, kind)))
+    found: list[type[Factor]] = []
+    for one in [given] if isinstance(given, str) else given:
+        for factor in _called(where, one, kind) if isinstance(one, str) else [one]:
+            if not (isinstance(factor, type) and issubclass(factor, Factor)):
+                raise FactorError(f"{where}: {one!r} is not a factor")
+            if not factor.width:
+                raise FactorError(f"{where}: {factor.__name__} is not a number, so that no state shows it")
+            if kind is not None and issubclass(factor, Parameter) != (kind is Parameter):
+                raise FactorError(f"{where}: {OTHER_KIND[kind].format(factor.__name__)}")
+            found.append(factor)
+    return tuple(dict.fromkeys(found))
 
 
-def _factors(where: str, given: Any, kind: type[Factor] | None) -> list[type[Factor]]:
-    found = _called(where, given, kind) if isinstance(given, str) else [given]
-    for factor in found:
-        if not (isinstance(factor, type) and issubclass(factor, Factor)):
-            raise FactorError(f"{where}: {given!r} is not a factor")
-        if not factor.width:
-            raise FactorError(f"{where}: {factor.__name__} is not a number, so that no state shows it")
-    return found
+OTHER_KIND: Mapping[type[Factor], str] = {
+    Factor: "{0} is a world parameter, which no entity has; write parameters=[{0}]",
+    Parameter: "{0} is a factor of entities, not a world parameter; write factors=[{0}]",
+}
+"""What is said of a class of the other kind than what is meant."""
 
 
 def _called(where: str, name: str, kind: type[Factor] | None) -> list[type[Factor]]:
@@ -167,26 +172,12 @@ class StateOptions:
     @property
     def chosen_factors(self) -> tuple[type[Factor], ...] | None:
         """The classes of ``factors``; None stands for all."""
-        found = None if self.factors is None else factors_of("StateVector: factors", self.factors)
-        for factor in found or ():
-            if issubclass(factor, Parameter):
-                name = factor.__name__
-                raise FactorError(
-                    f"StateVector: factors: {name} is a world parameter, which no entity has; write parameters=[{name}]"
-                )
-        return found
+        return None if self.factors is None else factors_of("StateVector: factors", self.factors)
 
     @property
     def chosen_parameters(self) -> tuple[type[Parameter], ...]:
         """The classes of ``parameters``."""
-        found = factors_of("StateVector: parameters", self.parameters, Parameter)
-        for factor in found:
-            if not issubclass(factor, Parameter):
-                name = factor.__name__
-                raise FactorError(
-                    f"StateVector: parameters: {name} is a factor of entities, not a world parameter; write factors=[{name}]"
-                )
-        return found  # type: ignore[return-value]
+        return factors_of("StateVector: parameters", self.parameters, Parameter)  # type: ignore[return-value]
 
     @property
     def scales(self) -> dict[type[Factor], float]:
