@@ -28,7 +28,7 @@ class Buffers:
         self._space, self._num_envs, self._copy, self._observation = observation.space, num_envs, copy, observation
         template: Any = create_empty_array(self._space, num_envs)
         self._small = template if sum(array.nbytes for array in leaves(template)) <= SMALL else None
-        self._overwritten: Arrays | None = None
+        self._overwritten: Arrays | None = None if copy or own_arrays(observation) is not None else template
         self._outputs: list[ReusedArrays] = []
         self._finals: list[ReusedArrays] = []
 
@@ -36,10 +36,7 @@ class Buffers:
         """Arrays to write observations into, ``[num_envs, ...]``."""
         if self._copy:
             return self._unheld(self._outputs).lend() if self._small is None else map_leaves(np.empty_like, self._small)
-        own = own_arrays(self._observation)
-        if own is None and self._overwritten is None:
-            self._overwritten = create_empty_array(self._space, self._num_envs)
-        return self._overwritten if own is None else own
+        return own_arrays(self._observation) if self._overwritten is None else self._overwritten
 
     def final_output(self, rows: np.ndarray) -> Any:
         """Arrays for final observations, ``[num_envs, ...]``, which are 0 and to be filled in these rows (int64) alone."""

@@ -95,7 +95,7 @@ class DeviceEpisodes:
         advice = "choose one of these, or device='cpu'"
         start, advance, write = observation_calls(host.observation, "a GPU", advice, in_rows=True)
         self._gpu, self._simulator, self._levels = gpu, simulator, levels
-        self._space, self._num_envs = host.observation.space, host.num_envs
+        self._num_envs = host.num_envs
         self._step = step_entry(simulator.world, levels.layout, simulator.task, BY_NUMBER)
         self._start = tuple(map(self._threads, (start_call(levels, host.trials), *start)))
         self._advance = tuple(map(self._threads, advance))
@@ -116,7 +116,8 @@ class DeviceEpisodes:
 
     def _threads(self, call: Call) -> Call:
         """The call with a thread per thing, which is an environment or a row of its frame."""
-        rows = reduce(getitem, call.part, self._space).shape[1] if call.entry.things == "frame_rows" else 1
+        space: Any = self.observation.space
+        rows = reduce(getitem, call.part, space).shape[1] if call.entry.things == "frame_rows" else 1
         return for_threads(call, rows)
 
     def _allocate(self, calls: Iterable[Call]) -> None:
@@ -171,8 +172,7 @@ class DeviceEpisodes:
             self._tensors["episodes"].zero_()
         levels, self._over = None if chosen is None else self._tensor(chosen), self._over & ~mask
         self._start_episodes(mask, levels)
-        never = self._new((), torch.bool, zero=True)
-        return self.observe(), with_masks(self._info(never, never.clone()), mask.clone())
+        return self.observe(), with_masks(self.info(), mask.clone())
 
     def step(self, actions: Any) -> tuple[Any, ...]:
         """Observations, reward, terminated, truncated and info after a step; see :meth:`segar.envs.VectorEnv.step`."""
@@ -196,13 +196,13 @@ class DeviceEpisodes:
         final: dict[str, Any] = {}
         if autoreset is AutoresetMode.SAME_STEP:
             final = {"final_obs": map_leaves(lambda part: _where(ended, part), seen), "_final_obs": ended}
-            last = {name: _where(ended, part) for name, part in self._info(success & ended, death & ended).items()}
+            last = {name: _where(ended, part) for name, part in self.info(success & ended, death & ended).items()}
             present = ended.clone()
             final |= {"final_info": with_masks(last, present), "_final_info": present}
             success, death = success & ~ended, death & ~ended
             self._start_episodes(ended, None)
             self._launch_all(self._write, {"meant": ended}, seen)
-        info = with_masks(self._info(success, death), self._everywhere.clone()) | final
+        info = with_masks(self.info(success, death), self._everywhere.clone()) | final
         self._steps += 1
         if self._steps == STEPS_BETWEEN_CHECKS:
             self.check()
@@ -332,17 +332,19 @@ class DeviceEpisodes:
         given = {"meant": where, "seed": self.host.now.seed, "chosen": self._anywhere if chosen is None else chosen}
         self._launch_all(self._start, given)
 
-    def _info(self, success: torch.Tensor, death: torch.Tensor) -> dict[str, torch.Tensor]:
-        """The info about all running episodes."""
-        counts = {name: self._tensors[array].clone() for name, array in COUNTS.items()}
-        trials = trial_info(self.host.trials, self._tensors["episodes"], self._tensors["lengths"])
-        return {**counts, "return": self._tensors["returns"].clone(), "success": success, "death": death, **trials}
+    def info(self, success: torch.Tensor | None = None, death: torch.Tensor | None = None) -> dict[str, torch.Tensor]:
+        """See :meth:`HostEpisodes.info`."""
+        found = {name: self._tensors[array].clone() for name, array in COUNTS.items()}
+        found["return"] = self._tensors["returns"].clone()
+        for name, ends in (("success", success), ("death", death)):
+            found[name] = self._new((), torch.bool, zero=True) if ends is None else ends
+        return found | trial_info(self.host.trials, self._tensors["episodes"], self._tensors["lengths"])
 
     def _outputs(self) -> tuple[Any, dict[str, torch.Tensor]]:
         """Tensors for observations, and for what comes of a step."""
         if self._kept is not None:
             return self._kept
-        empty = empty_batch(self._space, 0)
+        empty = empty_batch(self.observation.space, 0)
         seen = map_leaves(lambda array: self._new(array.shape[1:], torch.from_numpy(array).dtype), empty)
         flags = ("terminated", "success", "death", "truncated", "ended")
         outcome = {"reward": self._new((), torch.float64), **{name: self._new((), torch.bool) for name in flags}}

@@ -99,8 +99,7 @@ class HostEpisodes:
         self._start_episodes(np.flatnonzero(mask), chosen)
         observations = self.observe()
         self._update_window()
-        info = self._info(np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_))
-        return observations, with_masks(info, mask.copy())
+        return observations, with_masks(self.info(), mask.copy())
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """See :meth:`segar.envs.VectorEnv.step`."""
@@ -128,13 +127,13 @@ class HostEpisodes:
         self._update_window()
         if self.autoreset is AutoresetMode.NEXT_STEP:
             self.over = terminated | truncated
-        info, final = self._info(success, death), {}
+        info, final = self.info(success, death), {}
         if len(ended) and self.autoreset is AutoresetMode.SAME_STEP:
             final = self._final(observations, ended.copy(), info)  # the buffers keep the rows
             self._start_episodes(ended)
             self._write_observations(observations, ended)
             success[ended] = death[ended] = False
-            info = self._info(success, death)
+            info = self.info(success, death)
         return observations, reward, terminated, truncated, with_masks(info, np.ones(self.num_envs, np.bool_)) | final
 
     def observe(self) -> Any:
@@ -302,15 +301,15 @@ class HostEpisodes:
         if self.camera is not None and self.camera.mode == "human":
             self.camera.render(self.now)
 
-    def _info(self, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
-        """The info about all running episodes."""
+    def info(self, success: np.ndarray | None = None, death: np.ndarray | None = None) -> dict[str, Any]:
+        """The info about all running episodes, bool ``(num_envs,)``: which of them a step has just ended in which way."""
         now, state = self.now, self.now.state
         info: dict[str, Any] = {
             "level": self.pool.named(state.level),
             "return": now.returns.copy(),
             "length": now.lengths.copy(),
-            "success": success,
-            "death": death,
+            "success": np.zeros(self.num_envs, np.bool_) if success is None else success,
+            "death": np.zeros(self.num_envs, np.bool_) if death is None else death,
             "contacts": state.contacts.copy(),
             "unresolved_contacts": state.unresolved_contacts.copy(),
         }

@@ -23,11 +23,6 @@ class EnvironmentCalls:
     advance: tuple[Call, ...]
     write: tuple[Call, ...]
 
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """All entries, each once."""
-        return (self.step, *dict.fromkeys(call.entry for call in (*self.start, *self.advance, *self.write)))
-
 
 def environment_calls(env: VectorEnv) -> EnvironmentCalls:
     """What an environment does, as calls; with these, another target plays the same episodes to the bit.
@@ -50,4 +45,5 @@ def build_environment(env: VectorEnv, target: str) -> TargetKernel:
         SegarError: the target, or something for it, does not exist; the message names it.
     """
     calls = environment_calls(env)
-    return build_kernel(calls.entries, target, described_world(env.levels.layout, env.task))
+    entries = dict.fromkeys(call.entry for call in (*calls.start, *calls.advance, *calls.write))
+    return build_kernel([calls.step, *entries], target, described_world(env.levels.layout, env.task))

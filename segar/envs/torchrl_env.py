@@ -11,7 +11,7 @@ from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from segar.envs.level_pool import LevelPool
-from segar.envs.snapshots import Snapshot, trial_info
+from segar.envs.snapshots import Snapshot
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
 from segar.levels import Levels
@@ -121,17 +121,7 @@ class TorchRLEnv(EnvBase):
         """Go on from a snapshot, on the levels of a pool where one is given; return the entries of a reset, about the episodes
         that run in the snapshot."""
         observation = self.vector_env.restore(snapshot, pool)
-        never = np.zeros(self.num_envs, dtype=bool)
-        info = {
-            "level": self.vector_env.pool.named(snapshot.state.level),
-            "return": snapshot.returns,
-            "length": snapshot.lengths,
-        }
-        info = {key: value.copy() for key, value in info.items()} | {"success": never, "death": never}
-        info |= trial_info(self.vector_env.trials, snapshot.episodes, snapshot.lengths)
-        return self._tensordict(
-            observation, {key: torch.from_numpy(part).to(self.device) for key, part in info.items()}
-        )
+        return self._tensordict(observation, self.vector_env.info())
 
     def _set_seed(self, seed: int | None) -> None:
         self._next_seed = seed

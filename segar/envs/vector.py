@@ -285,6 +285,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """
         return self.simulator.source.draws or draws_per_episode(self.observation)
 
+    def info(self) -> dict[str, Any]:
+        """What a reset that starts no episode would say of the running ones, without masks."""
+        return self._episodes.info()
+
     @property
     def factors(self) -> Factors:
         """The true factors of all entities in the present states, which later steps leave alone."""

@@ -56,9 +56,8 @@ def described_module(
         sizes: of the arrays, by name.
         entities: how many slots a level has.
     """
-    listed = [call for one in calls.values() for call in one]
-    entries = list(dict.fromkeys(call.entry for call in listed))
-    kernel = build_kernel(entries, "wasm")
+    entries = dict.fromkeys(call.entry for some in calls.values() for call in some)
+    kernel = build_kernel([*entries], "wasm")
     places: dict[str, dict[str, Any]] = {}
     known: dict[int, str] = {}
     made: dict[str, list[dict[str, Any]]] = {}

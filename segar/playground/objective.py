@@ -1,6 +1,5 @@
 """What a page needs to measure how far apart its two level sets are, and to state them in Python and in settings."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from segar import language
@@ -28,11 +27,26 @@ def described_objective(train: Levels, test: Levels) -> dict[str, Any]:
     """
     sets = (train, test)
     units = spread(*sets)
-    priors = _Priors(sets)
+    densities: list[dict[str, Any] | None] = []
     parameters = dict.fromkeys(one for levels in sets for one in levels.layout.parameters)
 
+    def number_of(law: Noise) -> int:
+        found = density(law)
+        if found not in densities:
+            densities.append(found)
+        return densities.index(found)
+
     def known(owner: type, factor: type[Factor]) -> dict[str, Any]:
-        return _factor(factor, units.get((owner, factor), 0.0)) | {"priors": priors.of(owner, factor)}
+        """A factor with the numbers of the densities of its components in each set; none where they depend on others."""
+        return {
+            "name": factor.__name__,
+            "width": factor.width,
+            "unit": factor.unit,
+            "scale": units.get((owner, factor), 0.0),
+            "period": factor.period,
+            "of_area": factor is language.Size,  # of a hull, it follows from the outline
+            "priors": [[number_of(law) for law in _laws(levels, owner, factor)] for levels in sets],
+        }
 
     return {
         "types": [
@@ -51,29 +65,11 @@ def described_objective(train: Levels, test: Levels) -> dict[str, Any]:
             }
             for one in parameters
         ],
-        "densities": priors.densities,
+        "densities": densities,
         "mismatch": MISMATCH,
         "unseen": unseen_differences(train, test),
         "origins": [_origin(levels) for levels in sets],
     }
-
-
-class _Priors:
-    """The densities of priors in both sets, each once."""
-
-    def __init__(self, sets: Sequence[Levels]) -> None:
-        self.sets = sets
-        self.densities: list[dict[str, Any] | None] = []
-
-    def of(self, owner: type, factor: type[Factor]) -> list[list[int]]:
-        """In each set, the number of the density of each component of a factor; none where it depends on other factors."""
-        return [[self._number(law) for law in _laws(levels, owner, factor)] for levels in self.sets]
-
-    def _number(self, law: Noise) -> int:
-        found = density(law)
-        if found not in self.densities:
-            self.densities.append(found)
-        return self.densities.index(found)
 
 
 def _laws(levels: Levels, owner: type, factor: Any) -> list[Noise]:
@@ -93,17 +89,6 @@ def _laws(levels: Levels, owner: type, factor: Any) -> list[Noise]:
 
 def _place(where: tuple[type, ...], one: type) -> int:
     return where.index(one) if one in where else -1
-
-
-def _factor(factor: type[Factor], scale: float) -> dict[str, Any]:
-    return {
-        "name": factor.__name__,
-        "width": factor.width,
-        "unit": factor.unit,
-        "scale": scale,
-        "period": factor.period,
-        "of_area": factor is language.Size,  # of a hull, it follows from the outline
-    }
 
 
 def _origin(levels: Levels) -> dict[str, Any]:

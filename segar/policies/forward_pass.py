@@ -35,22 +35,22 @@ class ForwardPass:
 
 def make_forward_pass(layers: Sequence[Layer], shapes: Sequence[Shape], outputs: Sequence[int]) -> ForwardPass:
     """The forward pass that computes the outputs of these layers, and no layer that they do not need."""
-    needed = _needed(layers, outputs)
-    program = _Program()
+    needed, program = set(outputs), _Program()
+    for i in reversed(range(len(layers))):  # a layer reads earlier ones alone
+        needed.update(layers[i].reads if i in needed else ())
     for i in sorted(needed):
         _add_layer(program, i, layers[i], [shapes[j] for j in layers[i].reads], shapes[i])
     offsets, width = _offsets(program, outputs)
     for row, (source, other, target) in zip(program.rows, program.tensors, strict=True):
         row[k.TARGET] = offsets[target]
         row[k.SOURCE], row[k.OTHER] = (0 if tensor is None else offsets[tensor] for tensor in (source, other))
-    cores = [i for i in sorted(needed) if layers[i].kind in MEMORY]
     return ForwardPass(
         np.array(program.rows, np.int64),
         np.array(program.places, np.int64),
         np.concatenate(program.floats).astype(np.float32),
         width,
         tuple(offsets[i] for i in outputs),
-        sum(MEMORY[layers[i].kind] * shapes[i].channels for i in cores),
+        sum(MEMORY.get(layers[i].kind, 0) * shapes[i].channels for i in needed),
     )
 
 
@@ -97,17 +97,6 @@ class _Program:
         """Append a sum of products; ``weight`` is ``[kernel, kernel, input, output]``."""
         numbers, floats = (len(weight), stride, 0), [_tiles(weight, bias)]
         self.add(k.SUM_PRODUCTS, given, gives, target, source, None, numbers, floats, _windows(given, gives, stride))
-
-
-def _needed(layers: Sequence[Layer], outputs: Sequence[int]) -> set[int]:
-    """The layers on which the outputs depend."""
-    needed, waiting = set[int](), list(outputs)
-    while waiting:
-        i = waiting.pop()
-        if i not in needed:
-            needed.add(i)
-            waiting += layers[i].reads
-    return needed
 
 
 def _add_layer(program: _Program, i: int, layer: Layer, given: Sequence[Shape], gives: Shape) -> None:

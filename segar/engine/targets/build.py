@@ -20,8 +20,7 @@ from segar.engine.targets.wasm import STACK, wasm_module
 from segar.errors import SegarError, must_be
 from segar.support import ADVICE, private_cache_folder, replacing
 
-SUFFIXES = {"native": ".o", "aarch64": ".o", "wasm": ".wasm", "ptx": ".ptx"}  # of the files that a target has
-TARGETS = tuple(SUFFIXES)
+TARGETS = ("native", "aarch64", "wasm", "ptx")
 AARCH64 = "aarch64-unknown-linux-gnu"
 COMPILED = ("engine", "envs", "language", "observations", "policies", "support", "textures")
 """The rooms whose functions and constants compiled code has; what rules and tasks say stands in its text."""

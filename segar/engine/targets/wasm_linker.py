@@ -6,6 +6,7 @@ conventions.
 """
 
 from dataclasses import dataclass, field
+from io import BytesIO
 
 from segar.errors import SegarError
 
@@ -51,20 +52,15 @@ def section(kind: int, body: bytes) -> bytes:
     return bytes([kind]) + leb(len(body)) + body
 
 
-@dataclass
-class Reader:
+class Reader(BytesIO):
     """Reads numbers and names from bytes."""
-
-    data: bytes
-    at: int = 0
 
     @property
     def more(self) -> bool:
-        return self.at < len(self.data)
+        return self.tell() < len(self.getbuffer())
 
     def byte(self) -> int:
-        self.at += 1
-        return self.data[self.at - 1]
+        return self.read(1)[0]
 
     def number(self) -> int:
         value = shift = 0
@@ -76,17 +72,13 @@ class Reader:
                 return value
 
     def signed(self) -> int:
-        start = self.at
+        start = self.tell()
         value = self.number()
-        bits = 7 * (self.at - start)
+        bits = 7 * (self.tell() - start)
         return value - (1 << bits) if value >> bits - 1 else value
 
-    def take(self, length: int) -> bytes:
-        self.at += length
-        return self.data[self.at - length : self.at]
-
     def name(self) -> str:
-        return self.take(self.number()).decode()
+        return self.read(self.number()).decode()
 
 
 @dataclass
@@ -136,10 +128,10 @@ def link(obj: bytes, exports: list[str], stack: int) -> bytes:
 
 def read_object(obj: bytes) -> ObjectFile:
     """The parts of an object that linking needs."""
-    read, reader, order, custom = ObjectFile(), Reader(obj, 8), [], []
+    read, reader, order, custom = ObjectFile(), Reader(obj[8:]), [], []
     while reader.more:
         kind = reader.byte()
-        body = reader.take(reader.number())
+        body = reader.read(reader.number())
         order.append(kind)
         if kind == CUSTOM:
             inside = Reader(body)
@@ -163,7 +155,7 @@ def read_segments(read: ObjectFile) -> None:
     reader = Reader(read.sections.get(DATA, b"\0"))
     for _ in range(reader.number()):
         start, length = read_segment(reader)
-        reader.take(length)
+        reader.read(length)
         read.data.append(start)
         read.data_end = max(read.data_end, start + length)
 
@@ -182,7 +174,7 @@ def read_symbols(read: ObjectFile, reader: Reader) -> None:
     if reader.number() != 2:
         raise SegarError("the linker knows version 2 of the section 'linking' only; use llvmlite 0.44 to 0.50")
     while reader.more:
-        kind, part = reader.byte(), Reader(reader.take(reader.number()))
+        kind, part = reader.byte(), Reader(reader.read(reader.number()))
         for _ in range(part.number() if kind == SYMBOL_TABLE else 0):
             what, flags = part.byte(), part.number()
             address = None
@@ -218,7 +210,7 @@ def check_imports(read: ObjectFile) -> None:
                 reader.number()
             reader.number()
         elif kind == OF_GLOBAL and name == "__stack_pointer":
-            reader.take(2)
+            reader.read(2)
         else:
             raise SegarError(f"the module imports {name}, which a page cannot give it")
 
@@ -244,5 +236,5 @@ def shifted_segments(body: bytes, begin: int) -> bytes:
     count = reader.number()
     for _ in range(count):
         start, length = read_segment(reader)
-        out += b"\0\x41" + signed_leb(start + begin) + b"\x0b" + leb(length) + reader.take(length)
+        out += b"\0\x41" + signed_leb(start + begin) + b"\x0b" + leb(length) + reader.read(length)
     return leb(count) + bytes(out)
