@@ -4,7 +4,8 @@ A rule such as the Lorentz law decides by the partner alone (no charge, no magne
 the partner. Such *quiet* partners are counted; the loop of a target runs over the rest.
 """
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from segar.engine.compiler.applications import Application, bind_tree
@@ -52,40 +53,16 @@ class SparsePairs:
                 w.line(f"L[{self.list_at} + listed_{self.name}] = j")
                 w.line(f"listed_{self.name} += 1")
 
-    def write(
-        self,
-        w: Writer,
-        target: Group,
-        apply: Callable[[Tree], None],
-        sums: Callable[[], list[tuple[str, str]]],
-        quiet_matters: bool,
-    ) -> None:
-        """Write the effects of all partners on the target ``i``: first of those listed, then of the quiet ones.
-
-        Args:
-            apply: writes the effects of a tree.
-            sums: local names, and the values that one quiet partner adds to them.
-            quiet_matters: whether quiet partners have effects that count.
-        """
+    @contextmanager
+    def listed(self, w: Writer, target: Group) -> Iterator[None]:
+        """A loop over the partners ``j`` of the target ``i`` that are listed."""
         with w.block(f"for n in range(listed_{self.name}):"):
             w.line(f"j = L[{self.list_at} + n]")
             with condition(w, "i != j" if share(self.partners, target) else ""):
                 w.groups = {"i": target, "j": self.partners}
-                apply(self.rest)
-        if not quiet_matters:
-            return
-        self._write_count(w, target)
-        w.groups = {"i": target}
-        with w.block("if quiet > 0:"):
-            apply(self.leaf)
-            self._write_repeats(w, sums())
+                yield
 
-    @property
-    def rest(self) -> Tree:
-        """The rule's tree without its quiet leaf."""
-        return _replace_leaves(self.tree, lambda leaf: Leaf() if leaf is self.leaf else leaf)
-
-    def _write_count(self, w: Writer, target: Group) -> None:
+    def write_count(self, w: Writer, target: Group) -> None:
         """Put the number of quiet partners of ``i`` in ``quiet``."""
         w.line(f"quiet = quiet_{self.name}")
         if share(self.partners, target):
@@ -97,20 +74,21 @@ class SparsePairs:
                 with w.block(f"if {self._is_quiet(w)}:"):
                     w.line("quiet -= 1")
 
-    def _write_repeats(self, w: Writer, sums: list[tuple[str, str]]) -> None:
-        """Add for all other quiet partners what one of them added; zeros need no adding."""
-        if not sums:
-            return
-        with (
-            w.block(f"if {' or '.join(f'{value} != 0.0' for _, value in sums)}:"),
-            w.block("for _ in range(1, quiet):"),
-        ):
-            for name, value in sums:
-                w.line(f"{name} += {value}")
-
     def _is_quiet(self, w: Writer) -> str:
         tests = [w.value(c) if holds else f"not {w.value(c)}" for c, holds in self.quiet]
         return " and ".join(tests)
+
+
+def write_repeats(w: Writer, sums: list[tuple[str, str]]) -> None:
+    """Add for all other quiet partners what one of them added: local names of sums, and values. Zeros need no adding."""
+    if not sums:
+        return
+    with (
+        w.block(f"if {' or '.join(f'{value} != 0.0' for _, value in sums)}:"),
+        w.block("for _ in range(1, quiet):"),
+    ):
+        for name, value in sums:
+            w.line(f"{name} += {value}")
 
 
 def find_sparse_pairs(
@@ -148,10 +126,11 @@ def _quiet_path(tree: Tree) -> tuple[tuple[tuple[Symbol, bool], ...], Leaf] | No
     return None
 
 
-def _replace_leaves(tree: Tree, replace: Callable[[Leaf], Leaf]) -> Tree:
+def without(tree: Tree, leaf: Leaf) -> Tree:
+    """The tree with nothing in the place of one of its leaves."""
     if isinstance(tree, Leaf):
-        return replace(tree)
-    return Branch(tree.condition, _replace_leaves(tree.yes, replace), _replace_leaves(tree.no, replace))
+        return Leaf() if tree is leaf else tree
+    return Branch(tree.condition, without(tree.yes, leaf), without(tree.no, leaf))
 
 
 def _variables(symbol: Symbol) -> set[str]:

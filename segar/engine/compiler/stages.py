@@ -24,7 +24,7 @@ from segar.engine.compiler.conflicts import (
 )
 from segar.engine.compiler.emit import Writer, active_test, bind, both, condition, match_test, over_group, share
 from segar.engine.compiler.source import FactorSetting
-from segar.engine.compiler.sparse_pairs import SparsePairs, find_sparse_pairs
+from segar.engine.compiler.sparse_pairs import SparsePairs, find_sparse_pairs, without, write_repeats
 from segar.engine.compiler.spec import Group, Matcher, relation_mask, simplified_truth
 from segar.language import EffectExpression, Factor, Leaf, Pattern, Rule, Stage, Symbol, Tree
 
@@ -260,17 +260,19 @@ class StageWriter:
                     self._apply(w, applications, {"i": group, "j": other})
 
     def _write_sparse_pairs(self, w: Writer, group: Group, pairs: SparsePairs) -> None:
-        a = pairs.application
-
-        def sums() -> list[tuple[str, str]]:
-            effects = [e for e in self._counted(a, pairs.leaf) if e.kind is not language.SetFactor]
-            return [
-                (name, w.value(v))
-                for e in effects
-                for name, v in zip(self._totals(group, e), e.components, strict=True)
-            ]
-
-        pairs.write(w, group, lambda tree: self._merge(w, [(a, tree)], group), sums, self._matters(a, pairs.leaf))
+        """Write the effects of all partners on the target ``i``: first of those listed, then of the quiet ones."""
+        a, effects = pairs.application, self._counted(pairs.application, pairs.leaf)
+        with pairs.listed(w, group):
+            self._merge(w, [(a, without(pairs.tree, pairs.leaf))], group)
+        if not effects:
+            return
+        pairs.write_count(w, group)
+        w.groups = {"i": group}
+        with w.block("if quiet > 0:"):
+            self._merge(w, [(a, pairs.leaf)], group)
+            summed = [e for e in effects if e.kind is not language.SetFactor]
+            named = [pair for e in summed for pair in zip(self._totals(group, e), e.components, strict=True)]
+            write_repeats(w, [(name, w.value(component)) for name, component in named])
 
     def _write_triples(self, w: Writer, group: Group, a: Application, mask: int) -> None:
         names = [v for v in a.variables if v != "i"]
