@@ -2,19 +2,10 @@
 
 from typing import Any
 
-from segar import language
+from segar import language, metrics
 from segar.errors import LevelError
 from segar.language import Factor, Parameter
 from segar.levels import TASK_LEVELS, LevelDistribution, Levels, entity_types, families, family
-from segar.metrics import (
-    MISMATCH,
-    component,
-    factor_distribution,
-    parameter_distribution,
-    relevant_factors,
-    spread,
-    unseen_differences,
-)
 from segar.noise import Noise, Wrapped
 from segar.playground.world import density
 
@@ -26,7 +17,7 @@ def described_objective(train: Levels, test: Levels) -> dict[str, Any]:
     its number there.
     """
     sets = (train, test)
-    units = spread(*sets)
+    units = metrics.spread(*sets)
     densities: list[dict[str, Any] | None] = []
     parameters = dict.fromkeys(one for levels in sets for one in levels.layout.parameters)
 
@@ -53,7 +44,7 @@ def described_objective(train: Levels, test: Levels) -> dict[str, Any]:
             {
                 "name": kind.__name__,
                 "kinds": [_place(levels.layout.types, kind) for levels in sets],
-                "factors": [known(kind, one) for one in relevant_factors(kind)],
+                "factors": [known(kind, one) for one in metrics.relevant_factors(kind)],
             }
             for kind in entity_types(*sets)
         ],
@@ -66,8 +57,8 @@ def described_objective(train: Levels, test: Levels) -> dict[str, Any]:
             for one in parameters
         ],
         "densities": densities,
-        "mismatch": MISMATCH,
-        "unseen": unseen_differences(train, test),
+        "mismatch": metrics.MISMATCH,
+        "unseen": metrics.unseen_differences(train, test),
         "origins": [_origin(levels) for levels in sets],
     }
 
@@ -77,14 +68,14 @@ def _laws(levels: Levels, owner: type, factor: Any) -> list[Noise]:
         return []
     try:
         if owner is Parameter:
-            law = parameter_distribution(levels.distribution, factor)
+            law = metrics.parameter_distribution(levels.distribution, factor)
         else:
-            law = factor_distribution(levels.distribution, owner, factor)
+            law = metrics.factor_distribution(levels.distribution, owner, factor)
     except LevelError:  # it depends on other factors, or these levels know no such things
         return []
     if factor.period is not None:
         law = Wrapped(law, factor.period)
-    return [component(law, axis) for axis in range(factor.width)]
+    return [metrics.component(law, axis) for axis in range(factor.width)]
 
 
 def _place(where: tuple[type, ...], one: type) -> int:

@@ -3,7 +3,7 @@ whether any bodies may touch."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import permutations
 
@@ -37,8 +37,16 @@ class ContactNotes:
     def __init__(
         self, matcher: Matcher, group: Group, bodies: tuple[str, ...], rules: list[tuple[int, language.Rule]]
     ) -> None:
-        self.matcher, self.group, self.bodies = matcher, group, bodies
-        self.notes = [n for n in (self._note(number, rule) for number, rule in rules) if n is not None]
+        self.matcher, self.bodies = matcher, bodies
+        self.notes: list[_Note] = []
+        for number, rule in rules:
+            check_contact_rule(rule)
+            masks = [matcher.match(group, need) for need in rule.needs]
+            if None not in masks:
+                # Only the types that match decide about columns.
+                kinds = [tuple(t for t in group.types if language.matches(t, need)) for need in rule.needs]
+                groups = tuple(replace(group, types=some) for some in kinds)
+                self.notes.append(_Note(rule, number, tuple(m or 0 for m in masks), groups))
         orders = list(permutations(bodies))
         settings = [
             self._setting(n, e, o) for n in self.notes for e in language.effects_of(n.rule.tree) for o in orders
@@ -63,18 +71,6 @@ class ContactNotes:
             setting.report_conflict(w)
             with w.block(f"if {setting.is_set}:"):
                 setting.store(w)
-
-    def _note(self, number: int, rule: language.Rule) -> _Note | None:
-        check_contact_rule(rule)
-        masks = [self.matcher.match(self.group, need) for need in rule.needs]
-        if None in masks:
-            return None
-        return _Note(rule, number, tuple(m or 0 for m in masks), tuple(map(self._matching, rule.needs)))
-
-    def _matching(self, needs: language.Pattern) -> Group:
-        """The group with only those types that match, since these decide about columns."""
-        kinds = [t for t in self.group.types if language.matches(t, needs)]
-        return Group(self.group.slots, tuple(kinds), self.group.optional)
 
     def _setting(self, note: _Note, effect: language.EffectExpression, order: tuple[str, ...]) -> FactorSetting:
         column = self.matcher.column(note.groups[effect.argument], effect.factor)

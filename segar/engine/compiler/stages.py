@@ -57,13 +57,7 @@ class StageWriter:
         may_meet: whether two rules hold in some level together.
     """
 
-    def __init__(
-        self,
-        matcher: Matcher,
-        stage: Stage,
-        rules: list[tuple[int, Rule]],
-        may_meet: MayMeet = lambda one, other: True,
-    ) -> None:
+    def __init__(self, matcher: Matcher, stage: Stage, rules: list[tuple[int, Rule]], may_meet: MayMeet) -> None:
         self.matcher, self.counts, self.may_meet = matcher, stage.counts, may_meet
         self.finds_rates = stage.operation is language.Operation.FIND_RATES
         self.time_step = "dt" if stage.scales else "1.0"

@@ -6,21 +6,9 @@ from typing import Any, Literal, Self
 
 import numpy as np
 
+from segar import language
 from segar.errors import FactorError, SegarError, did_you_mean
-from segar.language import (
-    Acceleration,
-    Density,
-    Done,
-    Drag,
-    Entity,
-    Factor,
-    InfiniteEnergy,
-    Layout,
-    Order,
-    Parameter,
-    Visible,
-    concrete_factors,
-)
+from segar.language import Entity, Factor, Layout, Parameter, Visible, concrete_factors
 from segar.levels import Levels
 
 
@@ -88,7 +76,9 @@ def _of_levels(where: str, given: Any, kind: type[Factor] | None, layout: Layout
     return chosen
 
 
-HIDDEN: tuple[type[Factor], ...] = (Acceleration, Drag, Density, Done, InfiniteEnergy, Order, Visible)
+HIDDEN: tuple[type[Factor], ...] = (
+    language.Acceleration, language.Drag, language.Density, language.Done, language.InfiniteEnergy, language.Order, Visible,
+)  # fmt: skip
 """Not shown unless asked for: they follow from others, concern drawing, or no rule reads them."""
 FACTOR_LIMIT = 1e6  # values beyond are clipped, so that observations stay finite
 MISSING_2022 = -1000.0  # what the implementation of 2022 puts where an entity lacks a factor

@@ -12,27 +12,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from segar import language
 from segar.engine import Call, Given, Reads, Rows, call_of, gather
-from segar.language import (
-    Acceleration,
-    Alive,
-    Charge,
-    Done,
-    Entity,
-    Factor,
-    Friction,
-    Heat,
-    Magnetism,
-    Mass,
-    Mobile,
-    Object,
-    Position,
-    Size,
-    StoredEnergy,
-    Thing,
-    Tile,
-    Velocity,
-)
 from segar.levels import Levels
 from segar.observations.state.places import lay_out, shift_and_scale
 from segar.observations.state.state_options import FACTOR_LIMIT, StateOptions
@@ -145,40 +126,46 @@ class BoundStateVector:
         return [call_of("gather_state", gather, arguments, sizes)]
 
 
-OBJECT_FACTORS = (Charge, Mass, Magnetism, StoredEnergy, Position, Velocity, Acceleration, Alive, Done)
-TILE_FACTORS = (Heat, Friction, Position)
-THING_FACTORS: tuple[type[Factor], ...] = (
-    Position, Velocity, Size, Mobile, Mass, Charge, Magnetism, StoredEnergy, Alive, Friction, Heat,
+OBJECT_FACTORS = (
+    language.Charge, language.Mass, language.Magnetism, language.StoredEnergy, language.Position, language.Velocity,
+    language.Acceleration, language.Alive, language.Done,
+)  # fmt: skip
+TILE_FACTORS = (language.Heat, language.Friction, language.Position)
+THING_FACTORS: tuple[type[language.Factor], ...] = (
+    language.Position, language.Velocity, language.Size, language.Mobile, language.Mass, language.Charge, language.Magnetism,
+    language.StoredEnergy, language.Alive, language.Friction, language.Heat,
 )  # fmt: skip
 N_THINGS = 20
 
 
-def ObjectState(entity: str | type[Entity] = "golfball", **options: Any) -> StateVector:
+def ObjectState(entity: str | type[language.Entity] = "golfball", **options: Any) -> StateVector:
     """The 12 numbers of an object: those of ``OBJECT_FACTORS``."""
     return _state({"entities": (entity,), "factors": OBJECT_FACTORS}, options)
 
 
-def TileState(entity: str | type[Entity] = "goal", **options: Any) -> StateVector:
+def TileState(entity: str | type[language.Entity] = "goal", **options: Any) -> StateVector:
     """The 4 numbers of a tile: those of ``TILE_FACTORS``."""
     return _state({"entities": (entity,), "factors": TILE_FACTORS}, options)
 
 
 def AllState(n_things: int = N_THINGS, unique_ids: tuple[str, ...] = (), **options: Any) -> StateVector:
     """A table of ``n_things`` rows, those of the entities named ``unique_ids`` first: of one shape for all levels."""
-    return _table(Thing, n_things, unique_ids, options)
+    return _table(language.Thing, n_things, unique_ids, options)
 
 
 def AllObjects(n_things: int = N_THINGS, unique_ids: tuple[str, ...] = (), **options: Any) -> StateVector:
     """Like :func:`AllState`, of objects."""
-    return _table(Object, n_things, unique_ids, options)
+    return _table(language.Object, n_things, unique_ids, options)
 
 
 def AllTiles(n_things: int = N_THINGS, unique_ids: tuple[str, ...] = (), **options: Any) -> StateVector:
     """Like :func:`AllState`, of tiles."""
-    return _table(Tile, n_things, unique_ids, options)
+    return _table(language.Tile, n_things, unique_ids, options)
 
 
-def _table(kind: type[Entity], n_things: int, unique_ids: tuple[str, ...], options: dict[str, Any]) -> StateVector:
+def _table(
+    kind: type[language.Entity], n_things: int, unique_ids: tuple[str, ...], options: dict[str, Any]
+) -> StateVector:
     table = {"form": "table", "slots": n_things, "entities": (*unique_ids, kind), "factors": THING_FACTORS}
     return _state(table, options)
 
