@@ -65,7 +65,7 @@ class HostEpisodes:
     ) -> None:
         self.simulator, self.task, self.described, self.actions = simulator, simulator.task, described, actions
         self.num_envs, self.copy, self.trials, self.autoreset, self.camera = num_envs, copy, trials, autoreset, camera
-        self.pool = self._first_pool = LevelPool.of(levels)
+        self.pool = self._first_pool = LevelPool(levels, len(levels))
         self._bind_observation()
         self._team = Team(num_threads)
         self._rows = np.arange(num_envs)

@@ -34,11 +34,6 @@ class LevelPool:
     weights: np.ndarray | None = None
     bases: np.ndarray | None = None
 
-    @classmethod
-    def of(cls, levels: Levels) -> Self:
-        """The pool of a level set, whose levels are drawn uniformly."""
-        return cls(levels, len(levels))
-
     @property
     def is_plain(self) -> bool:
         """Whether episodes start on every level of the set, equally often."""

@@ -8,6 +8,7 @@ levels that are played.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from os.path import getmtime
 from pathlib import Path
 from typing import Any
 
@@ -126,17 +127,13 @@ def _network_of(path: Path) -> tuple[Path, Path]:
     if not path.is_dir():
         return path, path
     is_evaluation = (path / NETWORK_FILE).exists()
-    found = [path / NETWORK_FILE] if is_evaluation else sorted(path.glob(IN_EVALUATIONS), key=_written)
+    found = [path / NETWORK_FILE] if is_evaluation else sorted(path.glob(IN_EVALUATIONS), key=getmtime)
     if not found:
         raise SegarError(
             f"{path}: there is no {NETWORK_FILE}, neither here nor in {IN_EVALUATIONS}, which plays without torch; write"
             f" it by: segar evaluate run={path} portable=true"
         )
     return found[-1], path.parent.parent if is_evaluation and not (path / CONFIG).exists() else path
-
-
-def _written(path: Path) -> float:
-    return path.stat().st_mtime
 
 
 def _settings(path: Path) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
-from itertools import chain
+from itertools import chain, count
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -78,11 +78,11 @@ def write_video(path: str | PathLike[str], frames: Iterable[np.ndarray], fps: fl
     with replacing(path, "the video") as beside:
         writer: Any = imageio.get_writer(beside, mode="I", **options)
         with closing(writer):  # its own `with` leaves ffmpeg running after an error
-            count = 0
+            written = 0
             for frame in chain([first], frames):
                 writer.append_data(frame)
-                count += 1
-    return count
+                written += 1
+    return written
 
 
 def _frames(
@@ -91,14 +91,12 @@ def _frames(
     """Frames from the reset to the end of an episode."""
     is_batch = isinstance(env, gymnasium.vector.VectorEnv)
     choose = policy or _uniform(env.action_space, seed)
-    limit = steps if steps is not None else 100 if is_batch else float("inf")
+    steps = 100 if steps is None and is_batch else steps
     observation, info = env.reset(seed=seed, options=options)
     yield _frame(env, is_batch)
-    taken = 0
-    while taken < limit:
+    for _ in count() if steps is None else range(steps):
         observation, _, terminated, truncated, info = env.step(choose(observation, info))
         yield _frame(env, is_batch)
-        taken += 1
         if not is_batch and (terminated or truncated):
             return
 

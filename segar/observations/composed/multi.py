@@ -14,19 +14,9 @@ from gymnasium import spaces
 from segar.engine import Call
 from segar.errors import SegarError, did_you_mean, must_be
 from segar.levels import Levels
+from segar.observations import protocol
 from segar.observations.composed.composed import BoundComposed, Composed
-from segar.observations.protocol import (
-    Arrays,
-    BoundObservation,
-    Observation,
-    ObservationLike,
-    adapted,
-    calls_of,
-    draws_per_episode,
-    empty_batch,
-    map_leaves,
-    own_arrays,
-)
+from segar.observations.protocol import Arrays, BoundObservation, Observation, ObservationLike, map_leaves
 from segar.observations.registry import OBSERVATIONS
 from segar.support import LOW_WORD, SPACING, SPARE_BITS, WORD, philox, stream_key
 
@@ -58,7 +48,7 @@ def trained_on(observation: ObservationLike, levels: Levels) -> Observation:
     Raises:
         SegarError: no observation is called so, or it is none.
     """
-    return adapted(make_observation(observation), "trained_on", levels)
+    return protocol.adapted(make_observation(observation), "trained_on", levels)
 
 
 @dataclass(frozen=True)
@@ -108,14 +98,14 @@ class BoundMulti(BoundComposed):
         own = map_leaves(lambda member: member.space, members)
         self.space: spaces.Space = spaces.Dict(own) if isinstance(members, dict) else spaces.Tuple(own)
         self._order = list(self.space if isinstance(self.space, spaces.Dict) else self._by_key)  # Gymnasium sorts names
-        lacking = [key for key, member in self._by_key.items() if own_arrays(member) is None]
+        lacking = [key for key, member in self._by_key.items() if protocol.own_arrays(member) is None]
         some_own = len(lacking) < len(members)
-        self._others = {key: empty_batch(self._by_key[key].space, num_envs) for key in lacking if some_own}
+        self._others = {key: protocol.empty_batch(self._by_key[key].space, num_envs) for key in lacking if some_own}
 
     @property
     def kept(self) -> Arrays | None:
         """Of each member, its own arrays, or arrays for it; None where no member owns any."""
-        parts = {key: self._others.get(key, own_arrays(self._by_key[key])) for key in self._order}
+        parts = {key: self._others.get(key, protocol.own_arrays(self._by_key[key])) for key in self._order}
         if all(part is None for part in parts.values()):
             return None
         return tuple(parts.values()) if isinstance(self.space, spaces.Tuple) else parts
@@ -130,7 +120,7 @@ class BoundMulti(BoundComposed):
         return [
             replace(call, part=(key, *call.part))
             for key, member in self._by_key.items()
-            for call in calls_of(member, when, in_rows)
+            for call in protocol.calls_of(member, when, in_rows)
         ]
 
 
@@ -267,7 +257,7 @@ class BoundOneOf(BoundComposed):
                     f"OneOf: the spaces of its observations must be equal; the first one's is {self.space}, and number"
                     f" {k}'s is {member.space}"
                 )
-        self.draws_per_episode = one_of.per == "episode" or any(map(draws_per_episode, members))
+        self.draws_per_episode = one_of.per == "episode" or any(map(protocol.draws_per_episode, members))
         self._edges, self._seed = one_of.edges[:-1], one_of.seed
         self._of_level = None
         if one_of.per == "level":
