@@ -10,7 +10,7 @@ import pandas as pd
 
 from segar.analysis.benchmark.causes import EFFECT, shift_effects
 from segar.analysis.stats.estimate import mean_of_replicates
-from segar.analysis.stats.ranking import places
+from segar.analysis.stats.ranking import FEWEST_SEEDS, places
 from segar.analysis.tables import Floats, keep
 from segar.evaluation import Baselines
 from segar.experiments.benchmarking.protocol import PLAYERS, REFERENCES, SIDES
@@ -153,11 +153,17 @@ def places_of(table: pd.DataFrame, names: Sequence[str]) -> dict[str, tuple[int,
 
 
 def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
-    """The lines of rows that are no players, on drawn levels of all of these suites, with the seeds that all of them share."""
+    """The lines of rows that are no players, on drawn levels of all of these suites, with the seeds that all of them share.
+
+    Where two rows have seeds enough for a place, those with fewer are left out, or one more row could undo a ranking.
+    """
     known = keep(table, table[DRAWN].notna() & ~table["row"].isin(list(PLAYERS)))
     part = complete(known, names)
-    seeds = [set(one["seed"]) for _, one in part.groupby("row", dropna=False)]
-    return keep(part, part["seed"].isin(list(set.intersection(*seeds)) if seeds else []))
+    seeds = {row: set(one["seed"]) for row, one in part.groupby("row", dropna=False)}
+    placed = [row for row, own in seeds.items() if len(own) >= FEWEST_SEEDS]
+    rows = placed if len(placed) > 1 else list(seeds)
+    shared = set.intersection(*(seeds[row] for row in rows)) if rows else set()
+    return keep(part, part["row"].isin(rows) & part["seed"].isin(list(shared)))
 
 
 def beats_chance(table: pd.DataFrame, name: str) -> bool:

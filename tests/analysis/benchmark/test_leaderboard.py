@@ -20,6 +20,7 @@ from segar.analysis.benchmark.scores import (
     PRACTICE,
     figures_of,
     leaderboard,
+    learners_on,
     places_of,
     rows_in,
     suites_compared,
@@ -129,6 +130,16 @@ def test_a_row_that_lacks_a_suite_is_not_compared_on_it(table, compared):
             board.loc[(board["axis"] == name) & board["quantity"].isin([PRACTICE, "score"]), "row"]
         )
     assert "script" in set(board["row"])
+
+
+def test_a_row_with_too_few_seeds_for_a_place_does_not_undo_a_ranking_of_others():
+    seeds = {"better": 5, "worse": 6, "new": 1}
+    lines = [(row, name, seed) for row, n in seeds.items() for name in ("a", "b") for seed in range(n)]
+    table = pd.DataFrame(lines, columns=["row", "suite", "seed"]).assign(**{DRAWN: 0.5})
+    found = learners_on(table, ["a", "b"])
+    assert found.groupby("row")["seed"].nunique().to_dict() == {"better": 5, "worse": 5}
+    few = learners_on(table.loc[table["seed"] < 3], ["a", "b"])
+    assert few.groupby("row")["seed"].nunique().to_dict() == {"better": 1, "worse": 1, "new": 1}
 
 
 def test_a_planted_cause_is_found_on_its_twins_and_on_no_control():
