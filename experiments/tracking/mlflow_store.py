@@ -2,12 +2,9 @@
 
 import logging
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-from filelock import FileLock, Timeout
 
 from segar.experiments.commands import process_defaults as runtime
 from segar.experiments.runs.files import replacing
@@ -20,10 +17,11 @@ from segar.experiments.settings import (
     without_password,
 )
 from segar.experiments.tracking.mlflow_views import VIEWS, View, tags_of_views
-from segar.support import first_line
+from segar.support import first_line, locked
 
 STORE = "mlflow.db"  # under the root of the runs
 LONGEST_OPENING = 30.0  # [s] that a process waits for others that open the store
+OPENING = "it opens MLflow's store, which only one may do at a time"
 SERVERS = ("http", "https")  # begin the addresses of MLflow's servers
 REMOTE = (*SERVERS, "postgresql", "mysql", "mssql")  # and of all stores that may be unreachable for a while
 BUSY = ("database is locked", "database table is locked", "database schema is locked")  # what SQLite says
@@ -69,7 +67,7 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
     logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it logs every retry
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # it logs a traceback for each failure
     root.mkdir(parents=True, exist_ok=True)
-    with opening(root):
+    with locked(root, StoreBusy, OPENING, LONGEST_OPENING, ".mlflow.lock"):
         if tracking.uri is None and not (root / STORE).exists():
             with replacing(root / STORE) as beside:  # half a database could never be opened again
                 calling(MlflowClient, tracking_uri=sqlite_address(beside))
@@ -81,19 +79,6 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
             found = calling(client.get_experiment, experiment)
         show_views(client, found)
         return client, found.experiment_id
-
-
-@contextmanager
-def opening(root: Path) -> Iterator[None]:
-    """Keeps other processes from opening the store inside the block; raises :class:`StoreBusy` if one takes too long."""
-    try:
-        held = FileLock(root / ".mlflow.lock", timeout=LONGEST_OPENING).acquire()
-    except Timeout:
-        raise StoreBusy(
-            f"another process has been opening MLflow's store in {root} for {LONGEST_OPENING:.0f} s"
-        ) from None
-    with held:
-        yield
 
 
 def show_views(client: Any, experiment: Any, views: Mapping[str, View] = VIEWS) -> None:

@@ -84,18 +84,21 @@ def remove_unfinished(folder: Path, recursive: bool = True) -> None:
 
 
 @contextmanager
-def locked(folder: Path, error: type[SegarError], advice: str, timeout: float = LOCK_TIMEOUT) -> Iterator[None]:
-    """Keep other processes out of a folder inside the block, by a lock on the file ``.lock`` in it.
+def locked(
+    folder: Path, error: type[SegarError], advice: str, timeout: float = LOCK_TIMEOUT, name: str = LOCK
+) -> Iterator[None]:
+    """Keep other processes out of a folder inside the block, by a lock on a file in it.
 
     Args:
         advice: how the message ends.
         timeout: [s] to wait for another process.
+        name: of the file.
 
     Raises:
         error: another process is at work in the folder, or the file cannot be made.
     """
     try:
-        held = FileLock(folder / LOCK, timeout=timeout).acquire()
+        held = FileLock(folder / name, timeout=timeout).acquire()
     except Timeout:
         raise error(f"another process is at work in {folder}; {advice}") from None
     except (OSError, NotImplementedError) as cause:
