@@ -10,7 +10,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import optuna
 from omegaconf import DictConfig
@@ -26,14 +26,16 @@ from segar.experiments.runs.run_folder import lock, runs_root
 from segar.experiments.settings import (
     OWN_TASK,
     ConfigError,
+    Count,
     RunConfig,
+    Seed,
+    Settings,
     TrainingError,
     as_data,
     construct,
+    one_of,
     path_of,
     require,
-    require_known,
-    require_seed,
     run_config,
     sqlite_address,
 )
@@ -103,23 +105,22 @@ def with_values(run: RunConfig, values: Mapping[str, Any]) -> RunConfig:
 
 
 @dataclass(frozen=True)
-class SearchConfig:
+class SearchConfig(Settings):
     """The space of a search, its budget, and the figure that it optimises."""
+
+    group: ClassVar[str] = "search"
 
     # Settings by name, each with a :class:`Dimension` or choices.
     space: Mapping[str, Any] = field(default_factory=dict)
-    trials: int = 20  # in all, those of earlier calls included
-    processes: int = 1  # runs at a time
-    seeds: int = 1  # runs per trial, of which the mean counts; from ``seed`` upwards
+    trials: Count = 20  # in all, those of earlier calls included
+    processes: Count = 1  # runs at a time
+    seeds: Count = 1  # runs per trial, of which the mean counts; from ``seed`` upwards
     metric: str = "evaluation/test/return/deterministic"  # a final figure of a run
-    direction: str = "maximize"
-    sampler_seed: int = 0
+    direction: Annotated[str, one_of("maximize", "minimize")] = "maximize"
+    sampler_seed: Seed = 0
 
     def __post_init__(self) -> None:
-        for name in ("trials", "processes", "seeds"):
-            require(getattr(self, name) >= 1, f"search.{name}", getattr(self, name), "at least 1")
-        require_known("search.direction", self.direction, ("maximize", "minimize"))
-        require_seed("search.sampler_seed", self.sampler_seed)
+        super().__post_init__()
         distributions(self.space)
 
 
@@ -181,7 +182,7 @@ def open_study(storage: str, spec: Search) -> optuna.Study:
     study = optuna.create_study(
         study_name=spec.name,
         storage=storage,
-        direction="maximize" if spec.config.direction == "maximize" else "minimize",
+        direction=spec.config.direction,
         load_if_exists=True,
         sampler=sampler,
     )
