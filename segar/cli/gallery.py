@@ -9,19 +9,17 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from segar import language
-from segar.cli.arguments import add_number, add_output, at_least, command, print_answer
+from segar.cli.arguments import add_number, add_output, command, print_answer
 from segar.envs import VectorEnv
-from segar.errors import SegarError
 from segar.levels import DIFFICULTIES, TASKS, Levels, family
 from segar.observations import Pixels, TexturedPixels
-from segar.rendering import Stage, View
+from segar.rendering import View
 from segar.support import need, need_pygame, replacing
 from segar.textures import shipped_sets
 
 PEOPLE, COLOURS = "for people", "solid colours"
 TILE = 128  # [px] side of one picture
 GAP, GROUP_GAP = 4, 14  # [px] between pictures, and between groups of them
-MOST_COLOURS = 256  # of a file that lists its colours
 RESOLUTION = 64  # of observations, which are shown enlarged
 PAPER, INK = (250, 250, 250), (20, 20, 22)
 TASK_ROW = ("puttputt", "billiards", "invisiball")  # in one row: each has one distribution
@@ -81,44 +79,34 @@ def people(size: int) -> View:
 
 def draw_level(levels: Levels, renderer: Renderer) -> np.ndarray:
     """The first level as it is at the start, uint8 ``(TILE, TILE, 3)``; ``renderer``: of square frames that fit into it."""
+    first = {"levels": np.zeros(1, np.int64)}
     if isinstance(renderer, View):
-        need_pygame("drawing for people")
-    env = VectorEnv(levels, 1, observation=renderer if not isinstance(renderer, View) else "state", seed=0)
-    observations, _ = env.reset(options={"levels": np.zeros(1, np.int64)})
-    if isinstance(renderer, View):
-        from segar.rendering.painter import Painter
-
-        stage = Stage(levels, env.simulator.world, env.task, renderer.colours)
-        frame = Painter(renderer).frame(stage.scene(env.state().state.values[0], 0))
+        env = VectorEnv(levels, 1, render_mode="rgb_array", view=renderer, seed=0)
+        env.reset(options=first)
+        frame = _rendered(env)
     else:
+        observations, _ = VectorEnv(levels, 1, observation=renderer, seed=0).reset(options=first)
         frame = np.asarray(observations[0])
     return frame.repeat(TILE // len(frame), axis=0).repeat(TILE // len(frame), axis=1)
 
 
-def save_png(picture: np.ndarray, path: str | PathLike[str], colours: int | None = None) -> None:
-    """Write a picture, uint8 ``(height, width, 3)``; an existing file is replaced only by a complete one.
+def _rendered(env: VectorEnv) -> np.ndarray:
+    """The frame of the only environment of a batch, uint8 ``view.shape``."""
+    frames = env.render()
+    assert frames is not None
+    return frames[0]
 
-    Args:
-        colours: how many the file may have, to make it smaller (2 to 256); None for all.
+
+def save_png(picture: np.ndarray, path: str | PathLike[str]) -> None:
+    """Write a picture, uint8 ``(height, width, 3)``; an existing file is replaced only by a complete one.
 
     Raises:
         SegarError: the file cannot be written.
     """
     from PIL import Image
 
-    image = Image.fromarray(picture)
-    if colours is not None:
-        image = image.quantize(colours, dither=Image.Dither.NONE)
     with replacing(Path(path), "the picture") as beside:
-        image.save(beside, optimize=True)
-
-
-def _check_file(path: Path, colours: int | None) -> None:
-    if path.suffix.lower() != ".png":
-        raise SegarError(f"a sheet is a .png, not '{path.name}'; name it '{path.stem}.png'")
-    if colours is not None and not 2 <= colours <= MOST_COLOURS:
-        raise SegarError(f"a file of few colours has 2 to {MOST_COLOURS} of them, not {colours}")
-    need("writing pictures", "PIL")
+        Image.fromarray(picture).save(beside, "png", optimize=True)
 
 
 def _write(picture: Any, font: Any, text: str, left: int, top: int, room: int) -> None:
@@ -154,25 +142,22 @@ def legend(size: int = 768) -> np.ndarray:
     """A level in which everything has a sign, uint8 ``View(size).shape``."""
     env = VectorEnv(Levels.from_entities([THINGS]), 1, render_mode="rgb_array", view=View(size=size), seed=0)
     env.reset()
-    frames = env.render()
-    assert frames is not None
-    return frames[0]
+    return _rendered(env)
 
 
 def add_commands(commands: Any) -> None:
     """Add ``gallery`` to the sub-commands of a parser."""
     made = command(commands, "gallery", gallery, "draw a contact sheet of all tasks, difficulties and renderers")
-    add_output(made, "the picture (png) to be written", required=True)
+    add_output(made, "the picture (png) to be written", required=True, endings=(".png",))
     add_number(made, "--seed", "of the levels", least=0, default=0)
     made.add_argument("--signs", action="store_true", help="draw one level with all signs that pictures have instead")
-    made.add_argument("--colours", type=at_least(2), help="at most so many, up to 256, for a smaller file")
 
 
 def gallery(chosen: argparse.Namespace) -> None:
     """``segar gallery``."""
-    _check_file(Path(chosen.output), chosen.colours)  # before all is drawn
+    need("writing pictures", "PIL")  # before all is drawn
     picture = legend() if chosen.signs else contact_sheet(chosen.seed)
-    save_png(picture, chosen.output, chosen.colours)
+    save_png(picture, chosen.output)
     height, width, _ = picture.shape
     answer = {"file": chosen.output, "width": width, "height": height}
     print_answer(chosen, answer, f"{chosen.output}: {width} x {height} pixels")

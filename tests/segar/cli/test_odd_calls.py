@@ -69,7 +69,6 @@ kernel show segar:World                      | 'segar:World' is not a LevelDistr
 kernel show empty-hard --task billiards      | choose the task that these levels are for
 kernel hide                                  | hide
 gallery -o x.jpg                             | x.jpg
-gallery -o x.png --colours 1                 | '1'
 gallery --signs -o x.PDF                     | x.PDF
 describe tilesx1-medum                       | Did you mean 'tilesx1-medium'?
 describe empty-easy -o x.pgn                 | png, pdf or svg, not 'x.pgn'. Did you mean '.png'?
