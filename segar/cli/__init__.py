@@ -8,20 +8,7 @@ import sys
 from collections.abc import Collection, Sequence
 from importlib.metadata import EntryPoint, entry_points
 
-from segar.cli import (
-    cite,
-    gallery,
-    hardness,
-    kernels,
-    lab,
-    levels,
-    play,
-    playground,
-    record,
-    results,
-    studio,
-    suites,
-)
+from segar.cli import cite, gallery, kernels, lab, levels, play, playground, record, results, suites
 from segar.cli.arguments import load_levels, table
 from segar.errors import SegarError
 from segar.support import USAGE_ERROR, Parser, __version__, escape_what_cannot_be_printed, need
@@ -86,19 +73,6 @@ def make_parser(registered: Collection[str] = ()) -> argparse.ArgumentParser:
     parser = Parser("segar", description=__doc__, epilog=more if registered else None)
     parser.add_argument("--version", action="version", version=f"segar {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
-    for module in (
-        levels,
-        hardness,
-        kernels,
-        gallery,
-        play,
-        playground,
-        studio,
-        record,
-        lab,
-        suites,
-        results,
-        cite,
-    ):
+    for module in (levels, kernels, gallery, play, playground, record, lab, suites, results, cite):
         module.add_commands(commands)
     return parser

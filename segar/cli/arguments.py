@@ -93,11 +93,12 @@ def load_playable(path: str, world: str | None) -> Levels:
 
 
 def command(
-    commands: Any, name: str, run: Callable[[argparse.Namespace], None], purpose: str
+    commands: Any, name: str, run: Callable[[argparse.Namespace], None], purpose: str, *, answers: bool = True
 ) -> argparse.ArgumentParser:
-    """A new sub-command that can answer in JSON."""
+    """A new sub-command; where it ``answers``, it can do so in JSON."""
     made = commands.add_parser(name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.")
-    made.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
+    if answers:
+        made.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
     made.set_defaults(run=run)
     return made
 
@@ -168,6 +169,11 @@ def print_json(answer: Mapping[str, Any]) -> None:
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """Rows in columns below a head, numbers in short, None as a dash."""
     return columns([head, *rows])
+
+
+def records(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows that name their values, one or more, as :func:`table` has them."""
+    return table([*rows[0]], [[*row.values()] for row in rows])
 
 
 def columns(rows: Sequence[Sequence[Any]]) -> str:

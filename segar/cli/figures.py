@@ -1,6 +1,5 @@
 """Figures that commands draw. The only file of segar that knows matplotlib, which it loads when a figure is asked for."""
 
-import importlib.util
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from segar.language import BaseShape
 from segar.levels import LevelDistribution
 from segar.noise import Empirical, Noise
 from segar.playground import Varying, together, varying
-from segar.support import replacing
+from segar.support import need, replacing
 
 FORMATS = (".png", ".pdf", ".svg")
 COLUMNS = 4  # panels side by side
@@ -84,8 +83,7 @@ def _new_figure(path: str, width: float, height: float) -> Any:
     suffix = Path(path).suffix
     if suffix.lower() not in FORMATS:
         raise SegarError(f"a figure is png, pdf or svg, not '{path}'.{did_you_mean(suffix, FORMATS)}")
-    if importlib.util.find_spec("matplotlib") is None:
-        raise SegarError("a figure needs matplotlib, which is not installed: pip install segar[analysis]")
+    need("a figure", "matplotlib")
     from matplotlib.figure import Figure  # not pyplot: no window, no global state
 
     return Figure(figsize=(width, height), layout="constrained")

@@ -24,8 +24,7 @@ def add_commands(commands: Any) -> None:
     actions = lab.add_subparsers(required=True, metavar="command")
 
     purpose = "answer requests of an agent, a line of JSON each, over standard input and output"
-    serving = actions.add_parser("serve", help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.")
-    serving.set_defaults(run=serve)
+    serving = arguments.command(actions, "serve", serve, purpose, answers=False)
     _add_lab(serving)
     arguments.add_number(serving, "--hidden", "which of the worlds is the hidden one", least=0, default=0)
     arguments.add_number(serving, "--budget", "steps of experiments", least=1, default=Lab.budget)
@@ -115,7 +114,7 @@ def _print(chosen: argparse.Namespace, path: str) -> None:
         worlds = [w for b, n, w in scores if (b, n) == (budget, ACTIVE) and (b, PASSIVE, w) in scores]
         pairs = [scores[budget, ACTIVE, world] - scores[budget, PASSIVE, world] for world in worlds]
         gains[budget] = mean_of_levels(np.array(pairs))
-    text = arguments.table(list(means[0]), [list(row.values()) for row in means]) if means else "no rows"
+    text = arguments.records(means) if means else "no rows"
     for budget, gain in gains.items():
         text += f"\n{ACTIVE} minus {PASSIVE}, budget {budget}: {gain}"
     arguments.print_answer(chosen, {"table": path, "means": means, "active_minus_passive": gains}, text)

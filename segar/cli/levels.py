@@ -1,6 +1,8 @@
-"""``segar sample``, ``segar distance``, ``segar describe``: levels, how far sets of them are apart, and their priors."""
+"""``segar sample``, ``distance``, ``hardness``, ``describe``: levels, how far sets of them are apart, how a random policy, the
+scripted player and the oracle fare on them, and their priors."""
 
 import argparse
+import dataclasses
 import warnings
 from typing import Any
 
@@ -10,6 +12,8 @@ from segar import metrics
 from segar.cli import arguments
 from segar.cli.figures import draw_marginals
 from segar.errors import PriorError, UnseenDifferenceWarning
+from segar.hardness import hardness as measured_hardness
+from segar.hardness import influence
 from segar.levels import level_schema
 from segar.playground import composition, described
 
@@ -18,7 +22,7 @@ MODES = ("exact", "reference", "paper")
 
 
 def add_commands(commands: Any) -> None:
-    """Add ``sample``, ``distance`` and ``describe`` to the sub-commands of a parser."""
+    """Add the commands about levels to the sub-commands of a parser."""
     sampling = arguments.command(commands, "sample", sample, "sample levels into a file")
     arguments.add_levels(sampling)
     arguments.add_output(
@@ -42,6 +46,22 @@ def add_commands(commands: Any) -> None:
     )
     comparing.add_argument("--world", help=arguments.WORLD_HELP)
     arguments.add_number(comparing, "--seed", "of the deals", least=0, default=0)
+
+    hard = arguments.command(commands, "hardness", hardness, "say how hard levels are, without training")
+    hard.add_argument("levels", metavar="LEVELS", help=arguments.FILE_HELP)
+    hard.add_argument("--task", help=arguments.TASK_HELP)
+    hard.add_argument("--world", help=arguments.WORLD_HELP)
+    arguments.add_number(hard, "--seed", "of random policy and search", least=0, default=0)
+    arguments.add_number(hard, "--plays", "random episodes per level", least=1, default=100)
+    arguments.add_number(hard, "--samples", "candidates per round of the search", least=8, default=128)
+    arguments.add_number(hard, "--iterations", "rounds of the search", least=1, default=10)
+    arguments.add_number(hard, "--threads", "of the simulator", least=1, default=1)
+    hard.add_argument(
+        "--factors", action="store_true", help="also say which factors the agent can change, and how much"
+    )
+    arguments.add_output(
+        hard, "also write the oracle's plan (npz), for segar.hardness.replay", required=False, endings=(".npz",)
+    )
 
     describing = arguments.command(
         commands, "describe", describe, "show the distributions of all factors of a level distribution"
@@ -85,6 +105,33 @@ def distance(chosen: argparse.Namespace) -> None:
     tables = arguments.table(("measure", "value"), measures), arguments.table(("factor", "ks"), factors)
     unseen = "".join(f"\n\nnot seen by w2: {text}" for text in answer["unseen"])
     arguments.print_answer(chosen, answer, "\n\n".join(tables) + unseen)
+
+
+def hardness(chosen: argparse.Namespace) -> None:
+    """``segar hardness``."""
+    levels = arguments.load_playable(chosen.levels, chosen.world)
+    task, rng = arguments.task_named(chosen.task, levels), np.random.default_rng(chosen.seed)
+    found = measured_hardness(
+        levels,
+        task,
+        rng=rng,
+        plays=chosen.plays,
+        samples=chosen.samples,
+        iterations=chosen.iterations,
+        num_threads=chosen.threads,
+    )
+    answer: dict[str, Any] = {"file": chosen.levels, **found.summary(), "per_level": found.rows()}
+    if chosen.factors:
+        split = influence(levels, task, rng=rng)
+        answer["factors"] = [dataclasses.asdict(entry) for entry in split.factors]
+    if chosen.output:
+        found.oracle.save(chosen.output)
+        answer["plan"] = chosen.output
+    overall = [(name, value) for name, value in answer.items() if name not in ("per_level", "factors")]
+    tables = [arguments.records(answer["per_level"]), arguments.table(("all levels", ""), overall)]
+    if chosen.factors:
+        tables.append(arguments.records(answer["factors"]))
+    arguments.print_answer(chosen, answer, "\n\n".join(tables))
 
 
 def describe(chosen: argparse.Namespace) -> None:

@@ -1,8 +1,11 @@
-"""``segar playground``: levels as one file that a browser plays, with the policy of a run and the planner where asked."""
+"""``segar playground``: levels as one file that a browser plays, with the policy of a run and the planner where asked; and
+``segar studio``: that page with the library behind it, for the browser of this machine."""
 
 import argparse
 import sys
+import threading
 import time
+import webbrowser
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +14,16 @@ from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Task
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, make_observation
-from segar.playground import WEIGHTS, make_playground, read_policy, read_row_policy
+from segar.playground import WEIGHTS, Studio, make_playground, read_policy, read_row_policy
 from segar.suites import suite, suites
-from segar.support import ROWS, counted, named_or_made
+from segar.support import ROWS, counted, named_or_made, need
 
 NUMBER, OF_A_MATCH = 100, 5  # of levels of a set, where none is given
+LARGEST_PORT = 65_535
 
 
 def add_commands(commands: Any) -> None:
-    """Add ``playground`` to the sub-commands of a parser."""
+    """Add ``playground`` and ``studio`` to the sub-commands of a parser."""
     making = arguments.command(commands, "playground", playground, "make a page that plays levels in a browser")
     making.add_argument(
         "what", metavar="WHAT", help=f"{arguments.NAME_HELP}; a level file; or a suite, with its test levels beside it"
@@ -48,6 +52,21 @@ def add_commands(commands: Any) -> None:
     making.add_argument(
         "--title", help="of the page (default: the name of the levels, or what stands behind the colon)"
     )
+
+    purpose = "design levels in a browser: edit priors, draw, measure distances and hardness, plan"
+    opening = arguments.command(commands, "studio", studio, purpose, answers=False)
+    opening.add_argument(
+        "what", metavar="WHAT", nargs="?", default="objectsx3-hard",
+        help=f"{arguments.NAME_HELP}; a level file; or a suite (default: %(default)s)",
+    )  # fmt: skip
+    add_level_sets(opening)
+    opening.add_argument("--runs", metavar="FOLDER", type=Path, help="below which runs have networks that play")
+    opening.add_argument(
+        "--observation", nargs="+", metavar="NAME", default=["rgb"],
+        help=f"what agents see: {', '.join(sorted(OBSERVATIONS))}, or 'module:attribute' (default: rgb)",
+    )  # fmt: skip
+    arguments.add_number(opening, "--port", "of the server; 0 takes a free one", least=0, default=0)
+    opening.add_argument("--no-browser", action="store_true", help="print the address, and open nothing")
 
 
 def add_level_sets(parser: argparse.ArgumentParser) -> None:
@@ -104,6 +123,33 @@ def playground(chosen: argparse.Namespace) -> None:
     plays = "" if player is None else f", the policy in {player.place} ({chosen.weights})"
     text = f"{chosen.output}: {sets}{plays}; {size / 1000:.0f} kB in {seconds:.1f} s. Open it in a browser"
     arguments.print_answer(chosen, answer, text)
+
+
+def studio(chosen: argparse.Namespace) -> None:
+    """``segar studio``; it ends with Ctrl-C."""
+    need("the studio", "starlette", "uvicorn")
+    from segar.playground.server import StudioServer
+
+    if chosen.port > LARGEST_PORT:
+        raise SegarError(f"--port: there are ports up to {LARGEST_PORT}, and no {chosen.port}")
+    if chosen.runs is not None and not chosen.runs.is_dir():
+        raise SegarError(f"--runs: there is no folder {chosen.runs}")
+    levels, test = named_sets(chosen)
+    made = Studio(
+        levels,
+        test,
+        task=named_task(chosen, levels),
+        observations={name: named_observation(name) for name in chosen.observation},
+        runs=chosen.runs,
+    )
+    server = StudioServer(made, chosen.port)
+    print(f"segar studio: {server.address}\nThe address is a secret of yours. Ctrl-C ends the studio.", flush=True)
+    if not chosen.no_browser:
+        threading.Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
+    try:
+        server.run()
+    except KeyboardInterrupt:
+        print("segar studio: ended")
 
 
 def row_folder(policy: str) -> Path | None:

@@ -28,23 +28,13 @@ def tell(chosen: argparse.Namespace) -> None:
     if chosen.plans:
         suite(chosen.name).plans.save(chosen.plans)
     elif chosen.name is None:
-        found = [suite(name) for name in suites()]
-        of_core = {one.name: one.name in CORE for one in found}
+        found = [(one, one.name in CORE) for one in map(suite, suites())]
+        answer = {one.name: {**{name: getattr(one, name) for name in SHOWN}, "core": core} for one, core in found}
         rows = [
-            (
-                one.name,
-                one.axis,
-                one.shift,
-                one.training_levels,
-                len(one.test_levels),
-                "yes" if of_core[one.name] else "",
-            )
-            for one in found
+            (one.name, one.axis, one.shift, one.training_levels, len(one.test_levels), core or "")
+            for one, core in found
         ]
         head = ("suite", "axis", "shift", "training levels", "test levels", "core")
-        answer = {
-            one.name: {**{name: getattr(one, name) for name in SHOWN}, "core": of_core[one.name]} for one in found
-        }
         arguments.print_answer(chosen, answer, arguments.table(head, rows))
     else:
         answer = card(suite(chosen.name))

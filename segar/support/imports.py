@@ -202,6 +202,7 @@ def _reason(error: Exception) -> str:
 
 
 EXTRAS = {
+    "analysis": ("matplotlib",),
     "render": ("pygame", "imageio", "imageio_ffmpeg", "PIL"),
     "datasets": ("minari", "h5py"),
     "filters": ("safetensors",),

@@ -159,7 +159,7 @@ def test_a_figure_without_matplotlib_names_the_extra(capsys, tmp_path, monkeypat
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
     assert cli.main(["describe", "empty-hard", "-o", str(tmp_path / "figure.png")]) == 2
     out, err = capsys.readouterr()
-    assert out == "" and "pip install segar[analysis]" in err and not list(tmp_path.iterdir())
+    assert out == "" and "pip install 'segar[analysis]'" in err and not list(tmp_path.iterdir())
 
 
 def test_hardness_says_who_solves_what_and_writes_a_plan_that_replays(capsys, level_files):
