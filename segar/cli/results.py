@@ -1,27 +1,15 @@
 """``segar results``: files of ``docs/results`` that are published and not in git: what they are, and how to get them."""
 
 import argparse
-import csv
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, astuple, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from segar.cli import arguments
 from segar.errors import SegarError, did_you_mean
-from segar.support import (
-    ADDRESS,
-    COLUMNS,
-    MANIFEST,
-    RESULTS,
-    Published,
-    counted,
-    fetch_published,
-    read_manifest,
-    replacing,
-    sha256_of,
-)
+from segar.support import ADDRESS, MANIFEST, RESULTS, Published, counted, fetch_published, read_manifest, write_manifest
 
 
 def add_commands(commands: Any) -> None:
@@ -67,18 +55,8 @@ def fetch(chosen: argparse.Namespace) -> None:
 def record(chosen: argparse.Namespace) -> None:
     """``segar results record``."""
     asked = {one.path for one in chosen_files(chosen.folder, chosen.paths)}
-    files = [
-        replace(one, bytes=path.stat().st_size, sha256=sha256_of(path, "file", SegarError))
-        if one.path in asked and path.exists()
-        else one
-        for one in read_manifest(chosen.folder)
-        for path in [chosen.folder / one.path]
-    ]
-    with (
-        replacing(chosen.folder / MANIFEST, "the manifest") as beside,
-        open(beside, "w", encoding="utf-8", newline="") as file,
-    ):
-        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *(astuple(one) for one in files)])
+    files = read_manifest(chosen.folder)
+    write_manifest(chosen.folder, [one.as_in(chosen.folder) if one.path in asked else one for one in files])
     arguments.print_answer(chosen, {"recorded": sorted(asked)}, f"{chosen.folder / MANIFEST} is written")
 
 

@@ -71,7 +71,6 @@ from .npz import (
 from .optimal_transport import emd as emd, plan_of as plan_of, pot as pot
 from .published import (
     ADDRESS as ADDRESS,
-    COLUMNS as COLUMNS,
     MANIFEST as MANIFEST,
     RESULTS as RESULTS,
     ROWS as ROWS,
@@ -79,6 +78,7 @@ from .published import (
     Published as Published,
     fetch_published as fetch_published,
     read_manifest as read_manifest,
+    write_manifest as write_manifest,
 )
 from .reading import check_size as check_size, content_of as content_of, opened as opened, sha256_of as sha256_of
 from .text_table import aligned as aligned, counted as counted

@@ -209,7 +209,6 @@ EXTRAS = {
     "lab": ("mcp",),
     "onnx": ("onnxruntime",),
     "sb3": ("stable_baselines3",),
-    "results": ("pooch",),
     "studio": ("starlette", "uvicorn"),
     "train": ("yaml", "torch", "hydra", "pandas"),
 }

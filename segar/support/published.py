@@ -4,15 +4,15 @@ import csv
 import os
 import shutil
 import sys
-import tempfile
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import astuple, dataclass, replace
+from http.client import HTTPException
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote, urlsplit
-from urllib.request import url2pathname
+from urllib.request import urlopen
 
 from segar.errors import SegarError
-from segar.support.imports import need
+from segar.support.files import replacing
 from segar.support.reading import sha256_of
 
 ADDRESS = "SEGAR_RESULTS_URL"
@@ -24,6 +24,7 @@ RESULTS = WORKSPACE / "docs" / "results"
 ROWS = RESULTS / "benchmark"  # of the leaderboard
 MANIFEST = "manifest.csv"
 COLUMNS = ("path", "bytes", "sha256", "made_by")
+PATIENCE = 60.0  # [s] without a byte of a server
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,13 @@ class Published:
             )
         return True
 
+    def as_in(self, folder: Path) -> "Published":
+        """The file with the size and the hash that it has in the folder; as it is where it is not there."""
+        path = folder / self.path
+        if not path.exists():
+            return self
+        return replace(self, bytes=path.stat().st_size, sha256=sha256_of(path, "file", SegarError))
+
 
 def read_manifest(folder: Path) -> list[Published]:
     """The published files of a folder of results; raises :class:`SegarError` where its manifest is missing or misshapen."""
@@ -68,6 +76,12 @@ def read_manifest(folder: Path) -> list[Published]:
     return [Published(**{**row, "bytes": int(row["bytes"])}) for row in rows]
 
 
+def write_manifest(folder: Path, files: Iterable[Published]) -> None:
+    """Write the manifest of a folder of results; raises :class:`SegarError`."""
+    with replacing(folder / MANIFEST, "the manifest") as beside, beside.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *map(astuple, files)])
+
+
 def fetch_published(one: Published, folder: Path) -> None:
     """Fetch one file from the address in ``SEGAR_RESULTS_URL``. It stands in the folder when it is whole and has its hash, and
     else nothing does.
@@ -82,26 +96,13 @@ def fetch_published(one: Published, folder: Path) -> None:
             f"{ADDRESS} must be the address of the published files, http(s)://... or file:///folder; {stated}. For {one.path},"
             f" {again}"
         )
-    need("fetching", "pooch")
-    import pooch
-
-    pooch.get_logger().setLevel("WARNING")
-    url, target = f"{address.rstrip('/')}/{quote(one.path)}", folder / one.path
-    downloader: Any = copy_from_disk if urlsplit(url).scheme == "file" else pooch.HTTPDownloader(timeout=60)
-    with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as beside:
+    url = f"{address.rstrip('/')}/{quote(one.path)}"
+    with replacing(folder / one.path, "the published file", folder=True) as beside:
         try:
-            pooch.retrieve(url, f"sha256:{one.sha256}", target.name, beside, downloader=downloader)
-        except OSError as error:  # those of requests are such, too
+            with urlopen(url, timeout=PATIENCE) as came, beside.open("wb") as file:
+                shutil.copyfileobj(came, file)
+        except (OSError, HTTPException) as error:
             raise SegarError(f"{url} cannot be got ({error}). For {one.path}, {again}") from error
-        except ValueError as error:
-            raise SegarError(
-                f"{url} is not the published file: its SHA-256 is not {one.sha256}; nothing is kept"
-            ) from error
-        target.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(Path(beside) / target.name, target)
+        if sha256_of(beside, "published file", SegarError) != one.sha256:
+            raise SegarError(f"{url} is not the published file: its SHA-256 is not {one.sha256}; nothing is kept")
     print(f"{one.path}: {one.bytes:,} bytes", file=sys.stderr, flush=True)
-
-
-def copy_from_disk(url: str, output_file: str, _: object) -> None:
-    """Pooch's downloader of file:// addresses."""
-    shutil.copyfile(url2pathname(urlsplit(url).path), output_file)

@@ -54,7 +54,6 @@ PLACES_WITH_AN_EXTRA = {
     "segar/envs/sb3_env.py": "sb3",
     "segar/policies/onnx_policy.py": "onnx",
     "segar/cli/cite.py": "train",
-    "segar/support/published.py": "results",
     "segar/playground/run_folder.py": "train",
     "segar/playground/on_demand.py": "studio",
     "segar/playground/server.py": "studio",
