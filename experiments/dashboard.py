@@ -3,7 +3,6 @@
 import os
 import socket
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 from segar.experiments.commands.command_line import run_from_command_line
@@ -16,70 +15,58 @@ HOST = "127.0.0.1"  # loopback: no other machine can reach it
 UNUSED = "Default"  # the experiment that every store of MLflow's has from the beginning
 
 
-@dataclass(frozen=True)
-class DashboardConfig:
-    """Which results are shown, and where."""
+def serve(root: str | None = None, port: int = 5000) -> None:
+    """Replaces this process by MLflow's server.
 
-    root: str | None = None  # the folder that holds the run folders and the store; None: runs/ of the checkout
-    port: int = 5000
+    Args:
+        root: the folder that holds the run folders and the store; None: runs/ of the checkout.
+        port: where a browser finds the pages.
 
-    def __post_init__(self) -> None:
-        require(0 < self.port < 65536, "port", self.port, "between 1 and 65535")
-
-    @property
-    def folder(self) -> Path:
-        """Absolute path of the folder that holds the store."""
-        return root_folder(self.root)
-
-    @property
-    def address(self) -> str:
-        """Where a browser finds the pages."""
-        return f"http://{HOST}:{self.port}"
-
-
-def serve(config: DashboardConfig) -> None:
-    """Replaces this process by MLflow's server; raises :class:`TrackingError` if there is no store, or no free port."""
-    command = server_command(config)
-    require_free(config.port)
+    Raises:
+        ConfigError: there is no such port.
+        TrackingError: there is no store, or the port is not free.
+    """
+    require(0 < port < 65536, "port", port, "between 1 and 65535")
+    folder, address = root_folder(root), f"http://{HOST}:{port}"
+    command = server_command(folder, port)
+    require_free(port)
     os.environ["MLFLOW_SERVER_ENABLE_JOB_EXECUTION"] = "false"  # a job runner that nothing here uses; 20 s to start
     # An experiment lies under the root: no request may name another folder, such as file:///etc, for its files.
     os.environ["MLFLOW_ARTIFACT_LOCATION_MAX_LENGTH"] = "0"
     os.environ["PYTHONWARNINGS"] = "ignore"  # the user cannot do anything about those of the server's libraries
-    print(f"Results of {config.folder}: {config.address} (in a few seconds). Ctrl-C stops it.")
-    print(*links(config), sep="\n", flush=True)
+    print(f"Results of {folder}: {address} (in a few seconds). Ctrl-C stops it.")
+    print(*links(folder, address), sep="\n", flush=True)
     os.execv(command[0], command)
 
 
-def server_command(config: DashboardConfig) -> list[str]:
-    """The command that starts the server; raises :class:`TrackingError` if there is no store."""
-    store = config.folder / STORE
-    if not store.exists():
+def server_command(folder: Path, port: int) -> list[str]:
+    """The command that starts the server; raises :class:`TrackingError` if there is no store in the folder."""
+    if not (folder / STORE).exists():
         raise TrackingError(
-            f"there is nothing to show yet: no {store}. Run something first, for example "
+            f"there is nothing to show yet: no {folder / STORE}. Run something first, for example "
             "`make reproduce-paper SCALE=smoke`, or name another folder with root=..."
         )
-    artifacts = (config.folder / "mlflow-artifacts").as_uri()
-    stores = ["--backend-store-uri", store_uri(TrackingConfig(), config.folder), "--default-artifact-root", artifacts]
+    artifacts = (folder / "mlflow-artifacts").as_uri()
+    stores = ["--backend-store-uri", store_uri(TrackingConfig(), folder), "--default-artifact-root", artifacts]
     # Below critical, uvicorn logs every request, and calls Ctrl-C an error with a traceback.
     quiet = ["--workers", "1", "--uvicorn-opts", "--log-level=critical"]
-    address = ["--host", HOST, "--port", str(config.port), *quiet]
+    address = ["--host", HOST, "--port", str(port), *quiet]
     return [sys.executable, "-m", "mlflow", "server", *address, *stores]
 
 
-def links(config: DashboardConfig) -> list[str]:
-    """One line for each view of each experiment of MLflow's; adds missing views. Raises :class:`TrackingError`."""
+def links(folder: Path, address: str) -> list[str]:
+    """One line for each view of each experiment in the store of a folder, with where the server at this address shows it; adds
+    missing views. Raises :class:`TrackingError`."""
     from mlflow import MlflowClient
 
-    client = calling(MlflowClient, tracking_uri=store_uri(TrackingConfig(), config.folder))
+    client = calling(MlflowClient, tracking_uri=store_uri(TrackingConfig(), folder))
     lines = []
     for experiment in calling(client.search_experiments):
         if experiment.name != UNUSED:
             show_views(client, experiment)
             shown = VIEWS | {name: view for name, view in VIEWS_OF_PAPER.items() if f"{TAG}{name}" in experiment.tags}
             for name, view in shown.items():
-                lines.append(
-                    f"  {view.title} ({experiment.name}): {link(config.address, experiment.experiment_id, name)}"
-                )
+                lines.append(f"  {view.title} ({experiment.name}): {link(address, experiment.experiment_id, name)}")
     return lines
 
 
@@ -97,7 +84,7 @@ def require_free(port: int) -> None:
 
 def main() -> None:
     """The command, with what the command line states."""
-    run_from_command_line(serve, DashboardConfig)
+    run_from_command_line(serve)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ def evaluate(config: EvaluateConfig) -> None:
 
 def main() -> None:
     """The command, with what the command line states."""
-    run_from_command_line(evaluate, EvaluateConfig, __doc__)
+    run_from_command_line(evaluate, EvaluateConfig)
 
 
 if __name__ == "__main__":

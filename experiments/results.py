@@ -6,8 +6,7 @@ warning where the runs were made by different code. ``output=runs.csv`` (or ``.p
 a file, and the means with their intervals into ``runs.means.csv`` (or ``.parquet``) beside it; a file ``.md`` has both.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,35 +48,30 @@ FIGURES = {  # columns that are printed, and their names there; W2 in all modes 
 }
 
 
-@dataclass(frozen=True)
-class ResultsConfig:
-    """Which runs, and where they are written."""
-
-    root: str | None = None  # the folder that holds the run folders; None: runs/ of the checkout
-    more: tuple[str, ...] = ()  # further such folders, or single run folders
-    sweep: str | None = None  # those with this tracking.sweep; None: all
-    output: str | None = None  # a file .csv, .parquet or .md for the rows with all figures; their means go beside it
-
-    def __post_init__(self) -> None:
-        if self.output is not None and Path(self.output).suffix not in FORMATS:
-            raise ConfigError(
-                f"output: {self.output!r} ends in none of {', '.join(FORMATS)}, which say what is written"
-            )
-
-
-def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
+def results(
+    root: str | None = None, more: tuple[str, ...] = (), sweep: str | None = None, output: str | None = None
+) -> None:
     """Prints the table and what :data:`SUMMARIES` says of it; writes the files that are asked for.
 
+    Args:
+        root: the folder that holds the run folders; None: runs/ of the checkout.
+        more: further such folders, or single run folders.
+        sweep: those with this tracking.sweep; None: all.
+        output: a file .csv, .parquet or .md for the rows with all figures; their means go beside it.
+
     Raises:
+        ConfigError: the file has another ending.
         RunFolderError: there is no such run, or the file cannot be written.
     """
-    chosen = chosen_rows([root_folder(config.root), *(root_folder(place) for place in config.more)], config.sweep)
-    say(as_table(chosen))
+    path = Path(output).expanduser().resolve() if output else None
+    if path is not None and path.suffix not in FORMATS:
+        raise ConfigError(f"output: {output!r} ends in none of {', '.join(FORMATS)}, which say what is written")
+    chosen = chosen_rows(map(root_folder, (root, *more)), sweep)
+    print(as_table(chosen))
     for row in chosen:
         if row.problem:
-            say(f"{row.folder.name}: {row.problem}")
+            print(f"{row.folder.name}: {row.problem}")
     rows = as_columns(chosen)
-    path = Path(config.output).expanduser().resolve() if config.output else None
     means = path.with_suffix(f".means{path.suffix}") if path is not None and path.suffix != ".md" else None
     averaged = ""
     if any(row.state == FINISHED for row in chosen):
@@ -85,12 +79,12 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
     warnings = (copies_warning(chosen), code_warning(chosen), seen_warning(chosen), *score_warnings(chosen))
     summary = "\n\n".join(text for text in (averaged, *warnings) if text)
     if summary:
-        say(f"\n{summary}")
+        print(f"\n{summary}")
     if path is not None:
         write_table(path, rows, summary)
-        say(f"\n{counted(len(rows), 'run')} with all figures: {path}")
+        print(f"\n{counted(len(rows), 'run')} with all figures: {path}")
     if means is not None and averaged:
-        say(f"Their means with intervals: {means}")
+        print(f"Their means with intervals: {means}")
 
 
 def as_table(runs: Sequence[RunRow]) -> str:
@@ -154,7 +148,7 @@ def _cell(value: Any) -> str:
 
 def main() -> None:
     """The command, with what the command line states."""
-    run_from_command_line(results, ResultsConfig)
+    run_from_command_line(results)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from segar.experiments.commands.hydra_app import run_command
-from segar.experiments.results import ResultsConfig, results
+from segar.experiments.results import results
 from segar.experiments.settings import RunConfig
 from segar.experiments.train import announce, train
 
@@ -28,7 +28,7 @@ def main() -> None:
 
     run_command(train, announce=note)
     if made:
-        results(ResultsConfig(made[0].root, sweep=made[0].tracking.sweep))
+        results(made[0].root, sweep=made[0].tracking.sweep)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,6 @@ Runs that are at work are skipped, because they send their figures themselves.
 """
 
 import dataclasses
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from segar.experiments.commands.command_line import run_from_command_line
@@ -27,36 +25,32 @@ from segar.support import counted
 STATUS = {"finished": "FINISHED", "failed": "FAILED"}  # of a run whose journal ends so; all others were cut off
 
 
-@dataclass(frozen=True)
-class UploadConfig:
-    """Which runs, and where to."""
-
-    run: str | None = None  # one run folder
-    root: str | None = None  # or all run folders under this one; None: runs/ of the checkout
-    uri: str | None = None  # of the store; None: the file beside the run folders, and no address that a folder names
-
-
-def upload(config: UploadConfig, say: Callable[[str], None] = print) -> None:
+def upload(run: str | None = None, root: str | None = None, uri: str | None = None) -> None:
     """Sends what MLflow lacks of each run, and prints how much that was.
+
+    Args:
+        run: one run folder.
+        root: or the folder of all run folders; None: runs/ of the checkout.
+        uri: of the store; None: the file beside the run folders, and no address that a folder names.
 
     Raises:
         TrackingError: some runs could not be sent; the others were.
         RunFolderError: ``run`` names no run, or there is none in ``root``.
     """
-    folders = [Path(config.run).expanduser().resolve()] if config.run else run_folders(root_folder(config.root))
+    folders = [Path(run).expanduser().resolve()] if run else run_folders(root_folder(root))
     if not folders:
         raise RunFolderError(
-            f"there are no run folders in {root_folder(config.root)}; name one by run=FOLDER, or where they are by root=FOLDER"
+            f"there are no run folders in {root_folder(root)}; name one by run=FOLDER, or where they are by root=FOLDER"
         )
     failed = 0
     for folder in folders:
         try:
-            say(f"{folder.name}: {upload_run(folder, config.uri)}")
+            print(f"{folder.name}: {upload_run(folder, uri)}", flush=True)
         except (TrackingError, RunFolderError) as error:
-            if config.run:
+            if run:
                 raise
             failed += 1
-            say(f"{folder.name}: {error}")
+            print(f"{folder.name}: {error}", flush=True)
     if failed:
         raise TrackingError(
             f"{failed} of {len(folders)} runs could not be sent; see above. The same command tries again"
@@ -98,7 +92,7 @@ def upload_run(folder: Path, uri: str | None = None) -> str:
 
 def main() -> None:
     """The command, with what the command line states."""
-    run_from_command_line(upload, UploadConfig)
+    run_from_command_line(upload)
 
 
 if __name__ == "__main__":

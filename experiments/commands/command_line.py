@@ -21,15 +21,12 @@ from segar.support import Parser
 
 
 @ends_with_its_reader()
-def run_from_command_line(task: Callable[..., Any], settings: type | None = None, about: str | None = None) -> None:
+def run_from_command_line(task: Callable[..., Any], settings: type | None = None) -> None:
     """Runs ``task`` with what the command line states: an object of the dataclass ``settings``, or the arguments of ``task``.
 
     Each of them is an option, ``--name value`` or ``name=value``, with values as in YAML. ``-o`` is ``--output``, and a setting
     that is false by default needs no value. What stands without a name goes to the ``*arguments`` of the function, if it has
-    any. Exits with 1 and one message where a user can mend something.
-
-    Args:
-        about: what ``--help`` begins with; by default the text of the function's module.
+    any. ``--help`` begins with the text of the function's module. Exits with 1 and one message where a user can mend something.
     """
     kinds = {p.kind for p in inspect.signature(task).parameters.values()}
     takes_others = settings is None and inspect.Parameter.VAR_POSITIONAL in kinds
@@ -37,7 +34,7 @@ def run_from_command_line(task: Callable[..., Any], settings: type | None = None
     try:
         with errors_as_messages():
             module = sys.modules[task.__module__]
-            data, others = read_arguments(sys.argv[1:], stated, about or module.__doc__, command_of(module))
+            data, others = read_arguments(sys.argv[1:], stated, module.__doc__, command_of(module))
             if others and not takes_others:
                 raise ConfigError(f"'{others[0]}' is no setting; settings are given as name=value")
             found = construct(stated, data, "")

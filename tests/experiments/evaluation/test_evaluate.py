@@ -257,7 +257,7 @@ def test_a_folder_that_holds_no_run_or_no_weights_is_refused(tmp_path, trained):
 def test_the_command_tells_mistakes_in_one_message(monkeypatch, arguments, says):
     monkeypatch.setattr(sys, "argv", ["evaluate", *arguments])
     with pytest.raises(SystemExit) as told:
-        run_from_command_line(pytest.fail, EvaluateConfig, "")
+        run_from_command_line(pytest.fail, EvaluateConfig)
     assert str(told.value.code).startswith(says)
 
 

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from segar.analysis.runs import read_runs
-from segar.experiments.results import ResultsConfig, results
+from segar.experiments.results import results
 from segar.experiments.runs.run_folder import (
     VERSIONS,
     read_config,
@@ -45,48 +45,55 @@ from tests.experiments.short_runs import before_iteration, killed_after, short_r
 from tests.synthetic_runs import settings, write_run
 
 
-def test_a_finished_run_is_of_every_sweep_that_asked_for_it(tmp_path):
+def told(capsys, **asked):
+    """What the command prints."""
+    capsys.readouterr()
+    results(**asked)
+    return capsys.readouterr().out
+
+
+def table_in(said):
+    """The lines of the table, and of runs that have a problem."""
+    return said.partition("\n\n")[0].splitlines()
+
+
+def test_a_finished_run_is_of_every_sweep_that_asked_for_it(tmp_path, capsys):
     for name in ("first", "second", "second", ""):
         run(short_run(tmp_path / "run", tracking=TrackingConfig(name="none", sweep=name)), say=lambda _: None)
     (row,) = run_rows([tmp_path])
     assert row.sweeps == ("first", "second")
     for name in ("first", "second"):
-        said = []
-        results(ResultsConfig(root=str(tmp_path), sweep=name), said.append)
-        assert "finished" in said[0]
+        assert "finished" in table_in(told(capsys, root=str(tmp_path), sweep=name))[1]
     with pytest.raises(RunFolderError, match=r"the sweep third in .*; there are the sweeps first, second"):
-        results(ResultsConfig(root=str(tmp_path), sweep="third"))
+        results(root=str(tmp_path), sweep="third")
 
 
-def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path, monkeypatch):
+def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path, monkeypatch, capsys):
     sweep = TrackingConfig(name="none", sweep="mine")
     done = run(short_run(tmp_path / "a", tracking=sweep))
     with killed_after(2, monkeypatch):
         run(short_run(tmp_path / "b", tracking=sweep, seed=1))
     run(short_run(tmp_path / "c", seed=2))
-    said = []
-    results(ResultsConfig(root=str(tmp_path), sweep="mine"), said.append)
-    head, *lines = said[0].splitlines()
+    said = told(capsys, root=str(tmp_path), sweep="mine")
+    head, *lines = table_in(said)
     assert head.split("  ")[0] == "levels.train"
     assert [word for word in head.split() if "." in word] == ["levels.train", "algorithm.name"]
     assert " seed " in head and "levels.count" not in head
     assert "finished" in lines[0] and f"{done.summary['evaluation/test/return/deterministic']:.4g}" in lines[0]
     assert "failed after 128 frames" in lines[1]
-    assert lines[2:] == [f"computed with {computed_with(read_versions(tmp_path / 'a'))}"]
-    assert any(line.startswith("b: Killed") for line in said)
-    assert "not counted: 1 of 2 runs;" in said[-1]
+    assert lines[2:-1] == [f"computed with {computed_with(read_versions(tmp_path / 'a'))}"]
+    assert lines[-1].startswith("b: Killed")
+    assert "not counted: 1 of 2 runs;" in said
 
 
-def test_the_table_says_of_each_run_what_it_was_computed_with_where_that_differs(tmp_path):
+def test_the_table_says_of_each_run_what_it_was_computed_with_where_that_differs(tmp_path, capsys):
     for seed, name in enumerate(("a", "b")):
         run(short_run(tmp_path / name, seed=seed))
     path = tmp_path / "b" / VERSIONS
     versions = json.loads(path.read_text())
     versions["arithmetic_before"] = [{**versions["arithmetic"], "processor": "Another"}]
     path.write_text(json.dumps(versions))
-    said = []
-    results(ResultsConfig(root=str(tmp_path)), said.append)
-    head, *lines = said[0].splitlines()
+    head, *lines = table_in(told(capsys, root=str(tmp_path)))
     here = computed_with(read_versions(tmp_path / "a"))
     assert head.endswith("computed with")
     assert [line.rpartition("  ")[2] for line in lines] == [here, f"{here.rpartition(', ')[0]}, Another, then {here}"]
@@ -98,16 +105,14 @@ def recorded_with(folder, **parts):
     write_json(folder / VERSIONS, {**versions, "code": {**versions["code"], **parts}})
 
 
-def test_runs_of_different_code_in_one_table_are_told_with_the_parts_that_differ(tmp_path):
+def test_runs_of_different_code_in_one_table_are_told_with_the_parts_that_differ(tmp_path, capsys):
     for seed, name in enumerate("abc"):
         run(short_run(tmp_path / name, seed=seed))
         recorded_with(tmp_path / name, **{"my_lab.tasks": "as it was"})
-    said = []
-    results(ResultsConfig(root=str(tmp_path)), said.append)
-    assert not any("different code" in line for line in said)
+    assert "different code" not in told(capsys, root=str(tmp_path))
     recorded_with(tmp_path / "b", **{"my_lab.tasks": "edited", "kernel": "edited"})
-    results(ResultsConfig(root=str(tmp_path), output=str(tmp_path / "all.md")), said.append)
-    (warning,) = (line for line in said if "different code" in line)
+    said = told(capsys, root=str(tmp_path), output=str(tmp_path / "all.md"))
+    (warning,) = (line for line in said.splitlines() if "different code" in line)
     assert "Others than in most runs are kernel, my_lab.tasks in b. " in warning
     assert "stale=anew" in (tmp_path / "all.md").read_text()
     assert mixed_code(run_rows([tmp_path])) == {"kernel": ["b"], "my_lab.tasks": ["b"]}
@@ -122,7 +127,7 @@ def test_runs_stand_in_the_order_of_their_numbers(tmp_path):
     assert [row.folder.name for row in run_rows([tmp_path])] == ["lake-n2-s0", "lake-n8-s0", "lake-n40-s0"]
 
 
-def test_scores_by_other_code_are_left_out_with_a_line(tmp_path):
+def test_scores_by_other_code_are_left_out_with_a_line(tmp_path, capsys):
     run(short_run(tmp_path / "a"))
     config = read_config(tmp_path / "a")
     folder = tmp_path / "a" / "evaluations" / f"test-n{config.levels.test_count}"
@@ -130,12 +135,11 @@ def test_scores_by_other_code_are_left_out_with_a_line(tmp_path):
     found = {"anchors": {"floor": 0}, "players": {"deterministic": {"score": 1.0, "regret": 0.0}}}
     for changed, shown in (([], True), (["kernel", "lab/x.py"], False)):
         write_json(folder / "summary.json", {**found, "changed_code": changed})
-        said = []
-        results(ResultsConfig(root=str(tmp_path)), said.append)
-        assert ("score" in said[0].splitlines()[0]) == shown
-        told = [line for line in said if "score and regret are left out" in line]
-        assert [line for line in told if "that of a is by other code than the run's (kernel, lab/x.py)" in line] == told
-        assert bool(told) != shown
+        head, *lines = told(capsys, root=str(tmp_path)).splitlines()
+        assert ("score" in head) == shown
+        warnings = [line for line in lines if "score and regret are left out" in line]
+        assert all("that of a is by other code than the run's (kernel, lab/x.py)" in line for line in warnings)
+        assert bool(warnings) != shown
 
 
 def made_by(name, code, **settings):
@@ -181,12 +185,12 @@ def test_distances_stand_first_exact_w2_before_all_and_own_results_beside_succes
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "md"])
-def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, monkeypatch):
+def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, monkeypatch, capsys):
     run(short_run(tmp_path / "runs" / "a"))
     with killed_after(2, monkeypatch):
         run(short_run(tmp_path / "runs" / "b", seed=1))
-    path, said = tmp_path / f"all.{suffix}", []
-    results(ResultsConfig(root=str(tmp_path / "runs"), output=str(path)), said.append)
+    path = tmp_path / f"all.{suffix}"
+    said = told(capsys, root=str(tmp_path / "runs"), output=str(path))
     if suffix == "csv":
         names = [row["run"] for row in csv.DictReader(path.read_text().splitlines())]
     elif suffix == "parquet":
@@ -196,12 +200,12 @@ def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, monkeypatch):
     assert names == ["a", "b"]
     means = f"all.means.{suffix}" if suffix != "md" else "(no file)"
     assert {one.name for one in tmp_path.iterdir()} - {"runs", path.name} == {means} - {"(no file)"}
-    assert any(line.endswith(means) for line in said) == (suffix != "md")
+    assert any(line.endswith(means) for line in said.splitlines()) == (suffix != "md")
 
 
 def test_a_format_that_there_is_not_is_refused_before_anything_is_read(tmp_path):
     with pytest.raises(ConfigError, match=r"output: 'runs.xls' ends in none of .csv, .parquet, .md"):
-        ResultsConfig(root=str(tmp_path), output="runs.xls")
+        results(root=str(tmp_path), output="runs.xls")
 
 
 def test_a_score_of_a_portable_evaluation_counts_where_there_is_no_other(tmp_path):
@@ -216,18 +220,17 @@ def test_a_score_of_a_portable_evaluation_counts_where_there_is_no_other(tmp_pat
         assert run_rows([tmp_path])[0].figures["score_deterministic"] == score
 
 
-def test_a_run_in_several_folders_counts_once_and_the_folders_are_named(tmp_path):
+def test_a_run_in_several_folders_counts_once_and_the_folders_are_named(tmp_path, capsys):
     folder, other = write_run(settings(tmp_path / "here")), write_run(settings(tmp_path / "here", seed=5))
     for place in ("copy", "changed"):
         shutil.copytree(folder, tmp_path / "there" / place)
     summary = tmp_path / "there" / "changed" / "summary.json"
     write_json(summary, {**json.loads(summary.read_text()), "ks": 0.75})
-    said = []
-    results(ResultsConfig(root=str(tmp_path / "here"), more=(str(tmp_path / "there"),)), said.append)
+    said = told(capsys, root=str(tmp_path / "here"), more=(str(tmp_path / "there"),))
     copies = (
         f"{tmp_path}/there/changed (other results), {tmp_path}/there/copy (equal results) beside {folder}, which counts"
     )
-    assert f"warning: the same run lies in several folders, and counts once: {copies}" in said[-1]
+    assert f"warning: the same run lies in several folders, and counts once: {copies}" in said
     with pytest.warns(UserWarning, match="the same run lies in several folders, and counts once"):
         table = read_runs(tmp_path / "there", tmp_path / "here")
     assert sorted(table["folder"]) == sorted([str(tmp_path / "there" / "changed"), str(other)])
@@ -251,14 +254,13 @@ def test_several_folders_and_single_runs_make_one_table_and_a_run_counts_once(tm
         run_rows([tmp_path / "three"])
 
 
-def test_a_run_that_cannot_be_read_is_a_row_that_says_why(tmp_path):
+def test_a_run_that_cannot_be_read_is_a_row_that_says_why(tmp_path, capsys):
     run(short_run(tmp_path / "a"))
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "config.yaml").write_text("levels: 3\n")
-    said = []
-    results(ResultsConfig(root=str(tmp_path)), said.append)
-    assert "unreadable" in said[0]
-    assert any(line.startswith("b: cannot read the settings of a run") for line in said)
+    lines = table_in(told(capsys, root=str(tmp_path)))
+    assert "unreadable" in "".join(lines[1:3])
+    assert any(line.startswith("b: cannot read the settings of a run") for line in lines)
 
 
 def test_a_run_at_work_is_told_from_one_that_was_cut_off(tmp_path, monkeypatch):

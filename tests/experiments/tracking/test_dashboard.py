@@ -12,7 +12,7 @@ import urllib.request
 import psutil
 import pytest
 
-from segar.experiments.dashboard import DashboardConfig, require_free, serve, server_command
+from segar.experiments.dashboard import require_free, serve, server_command
 from segar.experiments.settings import ConfigError, TrackingConfig, TrackingError
 from segar.experiments.tracking.mlflow_store import open_store
 from segar.experiments.tracking.mlflow_views import VIEWS, link, tags_of_views
@@ -22,7 +22,7 @@ from tests.waiting import PATIENCE, until
 
 def test_without_a_store_it_says_what_to_run(tmp_path):
     with pytest.raises(TrackingError, match=f"no {tmp_path}/mlflow.db. Run something first"):
-        serve(DashboardConfig(root=str(tmp_path)))
+        serve(str(tmp_path))
 
 
 def test_a_taken_port_is_named_with_the_way_out(tmp_path):
@@ -32,20 +32,20 @@ def test_a_taken_port_is_named_with_the_way_out(tmp_path):
         other.listen()
         port = other.getsockname()[1]
         with pytest.raises(TrackingError, match=f"port {port} is taken .*choose another one: port={port + 1}"):
-            serve(DashboardConfig(root=str(tmp_path), port=port))
+            serve(str(tmp_path), port)
     require_free(port)
 
 
 def test_the_server_listens_on_this_machine_alone_with_one_worker(tmp_path):
     (tmp_path / "mlflow.db").touch()
-    command = " ".join(server_command(DashboardConfig(root=str(tmp_path), port=5123)))
+    command = " ".join(server_command(tmp_path, 5123))
     assert "--host 127.0.0.1 --port 5123 --workers 1" in command
     assert f"--backend-store-uri sqlite:///{tmp_path}/mlflow.db" in command
 
 
 def test_a_port_that_is_none_is_refused():
     with pytest.raises(ConfigError, match="port: 70000 is not allowed; it must be between 1 and 65535"):
-        DashboardConfig(port=70000)
+        serve(port=70000)
 
 
 @pytest.mark.slow
@@ -54,27 +54,27 @@ def test_the_pages_are_served_on_loopback_tell_nobody_and_end_with_ctrl_c(tmp_pa
     client.create_run(experiment, run_name="one")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        config = DashboardConfig(root=str(tmp_path), port=probe.getsockname()[1])
-    command = [sys.executable, "-m", "segar.experiments.dashboard", f"root={tmp_path}", f"port={config.port}"]
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "segar.experiments.dashboard", f"root={tmp_path}", f"port={port}"]
     environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
     with subprocess.Popen(
         command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True, preexec_fn=interruptible
     ) as process:
         try:
-            until(lambda: said_by(config, "health") or process.poll() is not None)
+            until(lambda: said_by(port, "health") or process.poll() is not None)
             asked = f"api/2.0/mlflow/experiments/get?experiment_id={experiment}"
-            tags = json.loads(said_by(config, asked))["experiment"]["tags"]
+            tags = json.loads(said_by(port, asked))["experiment"]["tags"]
             assert {tag["key"] for tag in tags} == tags_of_views().keys()
-            assert status_of_experiment(config, artifact_location="file:///etc") == 400
-            assert status_of_experiment(config) == 200
-            assert json.loads(said_by(config, "ajax-api/3.0/mlflow/ui-telemetry"))["disable_ui_telemetry"] is True
-            with pytest.raises(OSError), socket.create_connection((address_of_this_machine(), config.port), 5):
+            assert status_of_experiment(port, artifact_location="file:///etc") == 400
+            assert status_of_experiment(port) == 200
+            assert json.loads(said_by(port, "ajax-api/3.0/mlflow/ui-telemetry"))["disable_ui_telemetry"] is True
+            with pytest.raises(OSError), socket.create_connection((address_of_this_machine(), port), 5):
                 pass
         finally:
             process.send_signal(signal.SIGINT)
             said, _ = process.communicate()
-    assert f"http://127.0.0.1:{config.port} (in a few seconds)" in said
-    assert all(link(config.address, experiment, name) in said for name in VIEWS)
+    assert f"http://127.0.0.1:{port} (in a few seconds)" in said
+    assert all(link(f"http://127.0.0.1:{port}", experiment, name) in said for name in VIEWS)
 
 
 def interruptible():
@@ -82,19 +82,19 @@ def interruptible():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def said_by(config, path):
+def said_by(port, path):
     """What the server answers; empty while it does not."""
     try:
-        with urllib.request.urlopen(f"{config.address}/{path}", timeout=PATIENCE) as answer:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/{path}", timeout=PATIENCE) as answer:
             return answer.read().decode()
     except (urllib.error.URLError, ConnectionError, TimeoutError):
         return ""
 
 
-def status_of_experiment(config, **settings):
+def status_of_experiment(port, **settings):
     """The server's answer to who wants to make an experiment."""
     body = json.dumps({"name": "of somebody", **settings}).encode()
-    url = f"{config.address}/api/2.0/mlflow/experiments/create"
+    url = f"http://127.0.0.1:{port}/api/2.0/mlflow/experiments/create"
     try:
         with urllib.request.urlopen(urllib.request.Request(url, body, {"Content-Type": "application/json"})) as answer:
             return answer.status

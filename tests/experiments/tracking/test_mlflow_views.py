@@ -6,7 +6,7 @@ import zlib
 
 import pytest
 
-from segar.experiments.dashboard import DashboardConfig, links
+from segar.experiments.dashboard import links
 from segar.experiments.evaluation.probing import figures_of
 from segar.experiments.runs.run_folder import read_metrics
 from segar.experiments.settings import EvaluationConfig, ScaleConfig, TrackingConfig, flat
@@ -95,8 +95,7 @@ def test_a_store_from_before_gets_the_views_when_it_is_opened_or_shown(store):
     for name in VIEWS_OF_PAPER:
         if TAG + name in client.get_experiment(experiment).tags:
             client.delete_experiment_tag(experiment, TAG + name)
-    config = DashboardConfig(root=str(store), port=5123)
-    lines = links(config)
+    lines = links(store, "http://127.0.0.1:5123")
     assert lines[0] == f"  Gap against W2 (segar): {link('http://127.0.0.1:5123', experiment, 'gap-against-w2')}"
     assert len(lines) == len(VIEWS)  # none for the empty experiment that MLflow makes
     tags = client.get_experiment(experiment).tags

@@ -19,7 +19,7 @@ from segar.experiments.tracking.mlflow_store import open_store
 from segar.experiments.tracking.mlflow_sync import read_sync_state, tags_of
 from segar.experiments.tracking.mlflow_views import tags_of_views
 from segar.experiments.training.run import run
-from segar.experiments.upload import UploadConfig, upload
+from segar.experiments.upload import upload
 from segar.support import WORKSPACE
 from tests.experiments.short_runs import COMMAND, before_iteration
 from tests.experiments.tracking.mlflow_server import MLflowServer, has_each_figure_once, in_folder, logged, long_run
@@ -170,7 +170,7 @@ def test_eight_runs_at_once_into_a_database_that_is_killed_and_started_again_hav
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
     assert MISSED in log.read_text()
-    upload(UploadConfig(root=str(root), uri=uri))  # of runs that ended while there was no database
+    upload(root=str(root), uri=uri)  # of runs that ended while there was no database
     client = MlflowClient(tracking_uri=uri)
     found = client.search_runs([client.get_experiment_by_name("segar").experiment_id])
     assert sorted(one.data.tags["run_folder"] for one in found) == [str(folder) for folder in run_folders(root)]

@@ -24,7 +24,7 @@ from segar.experiments.tracking.mlflow_sync import read_sync_state
 from segar.experiments.tracking.tracker import Tracker, start_tracking
 from segar.experiments.training import run as run_module
 from segar.experiments.training.run import run
-from segar.experiments.upload import UploadConfig, upload
+from segar.experiments.upload import upload
 from segar.support import WORKSPACE
 from tests.experiments.short_runs import Killed, before_iteration, killed_after, same_results, short_run, stop
 from tests.experiments.tracking.mlflow_server import has_each_figure_once
@@ -140,7 +140,7 @@ def test_a_folder_of_runs_that_moved_gets_its_store_anew_where_it_is(tmp_path):
     folder = run(dataclasses.replace(config, folder=None)).folder
     moved = (tmp_path / "runs").rename(tmp_path / "moved")
     (moved / "mlflow.db").unlink()
-    upload(UploadConfig(root=str(moved)))
+    upload(root=str(moved))
     _, one = run_in(moved, moved / folder.name)
     assert one.info.artifact_uri.startswith((moved / "mlflow-artifacts").as_uri()) and not (tmp_path / "runs").exists()
 
@@ -345,7 +345,7 @@ def test_a_server_that_goes_away_and_comes_back_misses_nothing(tmp_path, server,
 
 def test_an_upload_that_finds_no_runs_says_where_it_looked(tmp_path):
     with pytest.raises(RunFolderError, match=f"there are no run folders in {tmp_path}; name one by run=FOLDER"):
-        upload(UploadConfig(root=str(tmp_path)))
+        upload(root=str(tmp_path))
 
 
 def test_a_server_that_is_never_there_stops_nothing_and_gets_all_by_a_command_later(tmp_path, server, capfd):
@@ -353,18 +353,18 @@ def test_a_server_that_is_never_there_stops_nothing_and_gets_all_by_a_command_la
     folder = run(short_run(tmp_path / "runs" / "one", tracking=REMOTE)).folder
     assert f"this sends them: segar upload run={folder} uri={REMOTE.uri}\n" in capfd.readouterr().err
     with pytest.raises(TrackingError, match="nobody is there"):
-        upload(UploadConfig(run=str(folder), uri=REMOTE.uri))
-    server.up, said = True, []
-    upload(UploadConfig(root=str(tmp_path / "runs"), uri=REMOTE.uri), said.append)
+        upload(run=str(folder), uri=REMOTE.uri)
+    server.up = True
+    upload(root=str(tmp_path / "runs"), uri=REMOTE.uri)
     assert server.points == points(folder)
     assert server.status == "FINISHED"
-    assert said == [f"one: sent {len(points(folder))} figures to http://127.0.0.1:9"]
-    upload(UploadConfig(root=str(tmp_path / "runs"), uri=REMOTE.uri), said.append)
-    assert said[-1] == "one: MLflow has all of it"
+    assert capfd.readouterr().out == f"one: sent {len(points(folder))} figures to http://127.0.0.1:9\n"
+    upload(root=str(tmp_path / "runs"), uri=REMOTE.uri)
+    assert capfd.readouterr().out == "one: MLflow has all of it\n"
     assert len(server.points) == len(points(folder))
 
 
-def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, server):
+def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, server, capfd):
     server.up = False
     for number in (1, 2):
         folder = run(
@@ -373,11 +373,12 @@ def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, 
     mark = json.loads((folder / SYNC_STATE).read_text()) if (folder / SYNC_STATE).exists() else None
     assert mark is None or mark["sent"] == 0
     (folder / METRICS).write_bytes(b"not a table")
-    server.up, said = True, []
+    server.up = True
+    capfd.readouterr()
     with pytest.raises(TrackingError, match="1 of 2 runs could not be sent"):
-        upload(UploadConfig(root=str(tmp_path), uri=REMOTE.uri), said.append)
-    assert said[0].startswith("1: sent ")
-    assert "metrics.parquet" in said[1]
+        upload(root=str(tmp_path), uri=REMOTE.uri)
+    sent, left = capfd.readouterr().out.splitlines()
+    assert sent.startswith("1: sent ") and "metrics.parquet" in left
     assert server.status == "FINISHED"
 
 
@@ -393,7 +394,7 @@ def test_a_folder_of_others_does_not_choose_where_it_is_sent_to(tmp_path, server
     write_run(dataclasses.replace(config, folder=str(folder), root=root, tracking=tracking))
     for asked in ({"run": str(folder)}, {"root": str(tmp_path / "theirs")}):
         with pytest.raises(TrackingError, match=r"names the store|could not be sent"):
-            upload(UploadConfig(**asked))
+            upload(**asked)
     assert server.points == [] and not (tmp_path / "elsewhere").exists()
 
 
@@ -402,7 +403,7 @@ def test_another_store_gets_the_whole_run(tmp_path, server):
     there = read_sync_state(folder)
     assert there is not None and there.sent == len(points(folder))
     server.points = []
-    upload(UploadConfig(run=str(folder), uri="http://elsewhere:5000"))
+    upload(run=str(folder), uri="http://elsewhere:5000")
     assert server.points == points(folder)
 
 
@@ -412,7 +413,7 @@ def test_a_store_that_another_process_opens_ends_no_run_and_gets_all_when_it_is_
     with FileLock(tmp_path / ".mlflow.lock"):
         folder = run(config).folder
     assert "this sends them: segar upload" in capfd.readouterr().err
-    upload(UploadConfig(run=str(folder)))
+    upload(run=str(folder))
     _, one = run_in(tmp_path, folder)
     assert one.info.status == "FINISHED"
 
@@ -428,7 +429,7 @@ def test_a_locked_database_ends_no_run_and_gets_all_when_it_is_free(tmp_path, ca
     said = capfd.readouterr().err
     assert "has not got all of this run" in said and "Traceback" not in said
     until(lambda: all(thread.name != "tracking" for thread in threading.enumerate()))  # its last attempt
-    upload(UploadConfig(run=str(folder)))
+    upload(run=str(folder))
     _, one = run_in(tmp_path, folder)
     assert one.info.status == "FINISHED"
 
@@ -443,7 +444,7 @@ def test_the_password_of_a_server_stands_in_no_file_nor_message_and_a_run_goes_o
     server.up = True
     folder = run(short_run(tmp_path / "run", tracking=tracking)).folder
     assert server.points == points(folder)
-    upload(UploadConfig(run=str(folder), uri="http://me@127.0.0.1:9"))
+    upload(run=str(folder), uri="http://me@127.0.0.1:9")
     assert "s3cret" not in "".join(capfd.readouterr())
     for path in folder.rglob("*"):
         assert path.is_dir() or b"s3cret" not in path.read_bytes(), path

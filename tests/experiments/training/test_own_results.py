@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar.experiments.results import ResultsConfig, results
+from segar.experiments.results import results
 from segar.experiments.runs.run_folder import read_episodes
 from segar.experiments.settings import ConfigError, LevelsConfig, TaskConfig
 from segar.experiments.settings.own_code import file_fingerprint
@@ -53,7 +53,7 @@ def test_a_result_of_several_numbers_is_told_to_have_no_column(tmp_path):
     assert not any("several numbers per environment" in line for line in said)
 
 
-def test_test_levels_that_are_training_levels_are_told_before_training_and_in_the_table(tmp_path):
+def test_test_levels_that_are_training_levels_are_told_before_training_and_in_the_table(tmp_path, capsys):
     path, said = tmp_path / "few.npz", []
     segar.family("empty-easy").sample(4, seed=0).save(path)
     name = f"{path}#{file_fingerprint(path, '')}"
@@ -61,7 +61,7 @@ def test_test_levels_that_are_training_levels_are_told_before_training_and_in_th
         levels = LevelsConfig(name, count=2, test=test, test_count=count)
         run(short_run(tmp_path / "runs" / folder, levels=levels), said.append)
     assert sum("warning: 50% of the test levels are training levels, too, so" in line for line in said) == 1
-    said.clear()
-    results(ResultsConfig(root=str(tmp_path / "runs")), said.append)
-    (warning,) = (line for line in "\n".join(said).splitlines() if "training levels, too" in line)
+    capsys.readouterr()
+    results(root=str(tmp_path / "runs"))
+    (warning,) = (line for line in capsys.readouterr().out.splitlines() if "training levels, too" in line)
     assert warning.startswith("warning: 50% of the test levels are training levels, too, in same. ")
