@@ -77,24 +77,18 @@ def read_arguments(
     stated, rest = parser.parse_known_args(given)
     data: dict[str, Any] = {}
     for name, texts in vars(stated).items():
-        values = [parse_settings([f"{name}={text}"])[name] for text in (texts if name in lists else [texts])]
+        values = [read_value(name, text) for text in (texts if name in lists else [texts])]
         data[name] = values if name in lists and not (len(values) == 1 and isinstance(values[0], list)) else values[0]
     unknown = {one.lstrip("-").partition("=")[0]: None for one in rest if one.startswith("--")}
     return data | unknown, [one for one in rest if not one.startswith("--")]
 
 
-def parse_settings(arguments: Sequence[str]) -> dict[str, Any]:
-    """Names and values of ``name=value``; raises :class:`ConfigError` for anything else."""
-    data: dict[str, Any] = {}
-    for argument in arguments:
-        name, equals, value = argument.partition("=")
-        if not equals or not name.isidentifier():
-            raise ConfigError(f"'{argument}' is no setting; settings are given as name=value")
-        try:
-            data |= to_plain(OmegaConf.from_cli([argument]))
-        except (YAMLError, OmegaConfBaseException) as error:
-            raise ConfigError(f"{name}: '{value}' cannot be read: {error}") from error
-    return data
+def read_value(name: str, text: str) -> Any:
+    """The value of a setting, from YAML; raises :class:`ConfigError`."""
+    try:
+        return to_plain(OmegaConf.from_cli([f"{name}={text}"]))[name]
+    except (YAMLError, OmegaConfBaseException) as error:
+        raise ConfigError(f"{name}: '{text}' cannot be read: {error}") from error
 
 
 def settings_of(function: Callable[..., Any]) -> type:

@@ -8,7 +8,7 @@ from typing import Any
 import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Glob, Override
+from hydra.core.override_parser.types import Glob, Override, Quote, QuotedString
 from hydra.errors import CompactHydraException, MissingConfigException
 from omegaconf import OmegaConf
 
@@ -91,9 +91,7 @@ def _with_own_name(text: str) -> str:
 
 def quoted(text: str) -> str:
     """A text as a value in Hydra's grammar, whatever characters it has."""
-    escaped = re.sub(r"(\\*)'", r"\1\1\'", text)  # a backslash means itself, unless a quotation mark follows
-    escaped += "\\" * (len(text) - len(text.rstrip("\\")))
-    return f"'{escaped}'"
+    return QuotedString(text, Quote.single).with_quotes()
 
 
 def unquoted(text: str) -> str:
@@ -124,8 +122,8 @@ def with_search_path(overrides: Sequence[str], places: Sequence[str]) -> list[st
     stated = [one for one in parse(overrides) if one.key_or_group == SEARCH_PATH]
     all_places = [*(place for one in stated for place in one.value()), *places]  # type: ignore[union-attr]
     rest = [text for text in overrides if text not in {one.input_line for one in stated}]
-    quoted = ("'{}'".format(place.replace("'", "\\'")) for place in dict.fromkeys(all_places))
-    return [*rest, f"{SEARCH_PATH}=[{','.join(quoted)}]"] if all_places else rest
+    listed = ",".join(map(quoted, dict.fromkeys(all_places)))
+    return [*rest, f"{SEARCH_PATH}=[{listed}]"] if all_places else rest
 
 
 def single_runs(overrides: Sequence[str]) -> list[list[str]]:
