@@ -51,8 +51,8 @@ SPACE = "search.space"
 class Dimension:
     """The interval from which one setting takes its values."""
 
-    low: float | None = None
-    high: float | None = None
+    low: float
+    high: float
     log: bool = False  # whether all orders of magnitude are equally likely
     whole: bool = False  # whether only whole numbers are meant
 
@@ -77,15 +77,14 @@ def distributions(space: Mapping[str, Any], place: str = "") -> dict[str, BaseDi
 
 
 def _distribution(data: Mapping[str, Any], place: str) -> BaseDistribution:
-    choices = data.get("choices", [])
-    require(isinstance(choices, list), place, choices, "a list of choices")
-    made = construct(Dimension, {k: v for k, v in data.items() if k != "choices"}, place)
-    is_interval = made.low is not None and made.high is not None and made.low < made.high
-    require(bool(choices) != is_interval, place, dict(data), "low and high, low < high; or choices")
-    require(not made.log or (made.low or 0) > 0, place, made.low, "above 0, where log is true")
-    if choices:
+    if "choices" in data:
+        choices = data["choices"]
+        is_list = isinstance(choices, list) and bool(choices) and len(data) == 1
+        require(is_list, place, dict(data), "a list of choices alone; or low and high")
         return CategoricalDistribution([json.dumps(choice) for choice in choices])
-    assert made.low is not None and made.high is not None
+    made = construct(Dimension, data, place)
+    require(made.low < made.high, place, dict(data), "low and high, low < high; or choices")
+    require(not made.log or made.low > 0, place, made.low, "above 0, where log is true")
     if made.whole:
         return IntDistribution(int(made.low), int(made.high), log=made.log)
     return FloatDistribution(made.low, made.high, log=made.log)

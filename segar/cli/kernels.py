@@ -71,11 +71,12 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
             first.setdefault(path, (levels, its_task))
     start, compiled = time.perf_counter(), 0
     for path, (levels, its_task) in first.items():
-        there, seconds = engine.is_compiled(path), _compile(levels, its_task)
+        there, seconds = engine.is_compiled(path), _first_step(levels, its_task)
         compiled += not there
         what = "there already" if there else f"compiled in {seconds:.1f} s"
         print(f"{path.stem}  {what:<19}  {its_task.name:<16}  {', '.join(sharing[path])}", flush=True)
-    print(f"{'observations':<18}  ready in {_compile_observations(*next(iter(first.values()))):.1f} s")
+    seconds = sum(_first_step(*next(iter(first.values())), observation) for observation in OBSERVATIONS)
+    print(f"{'observations':<18}  ready in {seconds:.1f} s")
     print(
         f"{cache_folder()}: {counted(len(first), 'kernel')}, {compiled} of them new, {time.perf_counter() - start:.0f} s"
     )
@@ -135,21 +136,10 @@ def _generate(levels: Levels, task: Task) -> engine.KernelSource:
     return engine.generate(levels.layout, world_of(levels), task.functions())
 
 
-def _compile(levels: Levels, task: Task) -> float:
-    """Seconds until a step was made with the arrays that environments use, for which numba compiles."""
+def _first_step(levels: Levels, task: Task, observation: str = "state") -> float:
+    """Seconds until an environment has made a step; what observations compile serves every world."""
     start = time.perf_counter()
-    simulator = engine.Simulator(world_of(levels), levels.layout, task)
-    state = engine.State.empty(1, levels.layout)
-    state.values[:] = levels.values[:1]
-    simulator.act(state, levels, np.zeros((1, len(task.action_low)), np.float32), engine.StepResult.empty(1))
-    return time.perf_counter() - start
-
-
-def _compile_observations(levels: Levels, task: Task) -> float:
-    """Seconds until environments with all named observations made a step; their kernels serve every world."""
-    start = time.perf_counter()
-    for observation in OBSERVATIONS:
-        env = VectorEnv(levels, 1, observation=observation, task=task, seed=0)
-        env.reset()
-        env.step(np.zeros((1, len(task.action_low)), np.float32))
+    env = VectorEnv(levels, 1, observation=observation, task=task, seed=0)
+    env.reset()
+    env.step(np.zeros((1, len(task.action_low)), np.float32))
     return time.perf_counter() - start
