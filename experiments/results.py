@@ -91,7 +91,7 @@ def as_table(runs: Sequence[RunRow]) -> str:
     """One line per run: what tells the runs apart, their state, and the figures that people read first."""
     rows = as_columns(runs)
     settings = in_short(rows, [name for name in named_settings(runs) if varies(rows, name) or name in SHOWN])
-    figures = {name: name for name in (rows[0] if rows else ()) if name.startswith("w2_")}
+    figures = {name: name for name in rows[0] if name.startswith("w2_")}
     figures |= FIGURES | {
         name: name.removesuffix("_deterministic").removeprefix(RESULTS)
         for name in rows[0]

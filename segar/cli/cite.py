@@ -8,7 +8,7 @@ from typing import Any
 
 from segar.cli import arguments
 from segar.errors import SegarError
-from segar.support import __version__, installed_version, need
+from segar.support import __version__, installed_version, misfit, need
 
 SOFTWARE = {
     "author": "{SEGAR developers}",
@@ -25,6 +25,12 @@ PAPER = {
 }
 LIBRARIES = ("segar", "torch", "torchrl", "numpy", "numba", "gymnasium")
 CONFIG, VERSIONS, SUMMARY = "config.yaml", "versions.json", "summary.json"
+FORMS = {
+    CONFIG: {"scale": dict},
+    VERSIONS: {"libraries": dict, **dict.fromkeys(("git?", "levels?", "code?"), (dict, None))},
+    SUMMARY: dict,
+}
+"""What is read of the files of a run; see :func:`segar.support.misfit`."""
 DECIDES = ("levels", "task", "observation", "algorithm", "frames", "evaluation", "seed")  # the settings behind results
 
 
@@ -70,13 +76,10 @@ def about_run(folder: Path) -> dict[str, Any]:
         raise SegarError(f"{folder} is no run folder: there is no {CONFIG}; give the folder that segar train names")
     if not (folder / VERSIONS).is_file():
         raise SegarError(f"the run in {folder} never began to train: there is no {VERSIONS}")
-    settings, made = _data_in(folder / CONFIG), _data_in(folder / VERSIONS)
+    settings, made = (_data_in(folder / name) for name in (CONFIG, VERSIONS))
     summary = _data_in(folder / SUMMARY) if (folder / SUMMARY).is_file() else {}
-    settings["frames"] = _mapping(settings, "scale", folder / CONFIG).get("frames")
-    libraries = _mapping(made, "libraries", folder / VERSIONS)
-    commit, levels, code = (
-        _mapping(made, name, folder / VERSIONS) if made.get(name) else {} for name in ("git", "levels", "code")
-    )
+    settings["frames"] = settings["scale"].get("frames")
+    libraries, commit, levels, code = (made.get(name) or {} for name in ("libraries", "git", "levels", "code"))
     try:
         flat = dict(_leaves({name: settings[name] for name in DECIDES if name in settings}))
     except RecursionError:
@@ -91,10 +94,7 @@ def about_run(folder: Path) -> dict[str, Any]:
             "commit": commit.get("commit"),
             "commit, with changes": commit.get("changed"),
         },
-        "hashes": {
-            **{f"{name} levels": value for name, value in levels.items()},
-            **code,
-        },
+        "hashes": {f"{name} levels": value for name, value in levels.items()} | code,
         "seeds": {name: value for name, value in flat.items() if name.rpartition(".")[2].endswith("seed")},
         "settings": flat,
     }
@@ -109,16 +109,8 @@ def _data_in(path: Path) -> dict[str, Any]:
         data = yaml.safe_load(path.read_bytes())
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise SegarError(f"{path} cannot be read: {error}") from error
-    return _checked(data, path)
-
-
-def _mapping(data: Mapping[str, Any], name: str, path: Path) -> dict[str, Any]:
-    return _checked(data.get(name), path, f"under '{name}' ")
-
-
-def _checked(data: Any, path: Path, place: str = "") -> dict[str, Any]:
-    if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
-        raise SegarError(f"{path} is not of a run: {place}it holds {type(data).__name__} instead of names and values")
+    if wrong := misfit(data, FORMS[path.name]):
+        raise SegarError(f"{path} is not of a run: {wrong}")
     return data
 
 

@@ -61,24 +61,23 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
     Distributions that differ in nothing but numbers share a kernel, and a row.
     """
     os.environ[PATIENCE] = "0"
-    sharing: dict[Path, list[str]] = {}
-    first: dict[Path, tuple[Levels, Task]] = {}
+    found: dict[Path, tuple[Levels, Task, list[str]]] = {}
     for name in names or (*families(), *TASK_LEVELS):
         levels = find_distribution(name).sample(1)
         for its_task in [task_named(task, levels)] if task else _tasks_of(name, levels):
             path = engine.kernel_path(_generate(levels, its_task).text)
-            sharing.setdefault(path, []).append(name)
-            first.setdefault(path, (levels, its_task))
+            found.setdefault(path, (levels, its_task, []))[2].append(name)
     start, compiled = time.perf_counter(), 0
-    for path, (levels, its_task) in first.items():
+    for path, (levels, its_task, sharing) in found.items():
         there, seconds = engine.is_compiled(path), _first_step(levels, its_task)
         compiled += not there
         what = "there already" if there else f"compiled in {seconds:.1f} s"
-        print(f"{path.stem}  {what:<19}  {its_task.name:<16}  {', '.join(sharing[path])}", flush=True)
-    seconds = sum(_first_step(*next(iter(first.values())), observation) for observation in OBSERVATIONS)
+        print(f"{path.stem}  {what:<19}  {its_task.name:<16}  {', '.join(sharing)}", flush=True)
+    first, its_task, _ = next(iter(found.values()))
+    seconds = sum(_first_step(first, its_task, observation) for observation in OBSERVATIONS)
     print(f"{'observations':<18}  ready in {seconds:.1f} s")
     print(
-        f"{cache_folder()}: {counted(len(first), 'kernel')}, {compiled} of them new, {time.perf_counter() - start:.0f} s"
+        f"{cache_folder()}: {counted(len(found), 'kernel')}, {compiled} of them new, {time.perf_counter() - start:.0f} s"
     )
 
 

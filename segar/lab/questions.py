@@ -105,7 +105,7 @@ def _predict(lab: Lab, index: int, rng: np.random.Generator) -> Question | None:
     states = played.seen[0, 0]
     if played.ends[0, 0] <= seen + ahead:
         return None
-    return _for_number(lab, index, "predict", actions, states[: seen + 1], states[seen], states[-1], {}, rng)
+    return _for_number(lab, index, actions, states[: seen + 1], states[-1], {}, rng)
 
 
 def _counterfactual(lab: Lab, index: int, rng: np.random.Generator) -> Question | None:
@@ -118,18 +118,19 @@ def _counterfactual(lab: Lab, index: int, rng: np.random.Generator) -> Question 
     for change, case in _changes(lab, fact, rng):
         other = _play(lab, index, case)
         if other.ends[0, 0] > len(actions):
-            states, after = played.seen[0, 0], other.seen[0, 0, -1]
-            question = _for_number(lab, index, "counterfactual", actions, states, states[-1], after, change, rng)
+            question = _for_number(lab, index, actions, played.seen[0, 0], other.seen[0, 0, -1], change, rng)
             if question is not None:
                 return question
     return None
 
 
 def _for_number(
-    lab: Lab, index: int, kind: str, actions: np.ndarray, seen: np.ndarray, before: np.ndarray, after: np.ndarray,
-    change: Mapping[str, Any], rng: np.random.Generator,
+    lab: Lab, index: int, actions: np.ndarray, seen: np.ndarray, after: np.ndarray, change: Mapping[str, Any],
+    rng: np.random.Generator,
 ) -> Question | None:  # fmt: skip
-    """A question for a number of an entity that differs between two states; the factor is drawn first."""
+    """A question for a number of an entity that differs between the last state that was seen and the one ``after``, which came
+    later, or would have come with a change; the factor is drawn first."""
+    before, kind = seen[-1], "counterfactual" if change else "predict"
     known: dict[str, list[tuple[str, type[Factor], slice, float]]] = {}
     for name, at in lab.places.items():
         entity, factor = name.split(".")[0], lab.hidden.layout.factor(name.split(".")[1])

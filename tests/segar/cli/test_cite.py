@@ -106,17 +106,17 @@ def test_code_that_settings_name_is_not_imported(capsys, run, tmp_path, monkeypa
     [
         ("config.yaml", None, "is no run folder: there is no config.yaml"),
         ("config.yaml", "a: [", "config.yaml cannot be read"),
-        ("config.yaml", "- 1", "config.yaml is not of a run: it holds list"),
-        ("config.yaml", "seed: 1", "config.yaml is not of a run: under 'scale' it holds NoneType"),
+        ("config.yaml", "- 1", "config.yaml is not of a run: 'all' must be a mapping, not a list of 1"),
+        ("config.yaml", "seed: 1", "config.yaml is not of a run: 'scale' is absent"),
         ("config.yaml", "scale: {frames: 1}\ntask: &a {b: *a}", "a part of it contains itself"),
         ("config.yaml", "!!python/object/apply:os.system [exit]", "config.yaml cannot be read"),
         ("config.yaml", b"\xff\xfe\x00", "config.yaml cannot be read"),
         ("versions.json", None, "never began to train: there is no versions.json"),
         ("versions.json", "{", "versions.json cannot be read"),
-        ("versions.json", "[]", "versions.json is not of a run: it holds list"),
-        ("versions.json", "{}", "under 'libraries' it holds NoneType"),
-        ("versions.json", '{"libraries": {}, "git": 3}', "under 'git' it holds int"),
-        ("summary.json", "3", "summary.json is not of a run: it holds int"),
+        ("versions.json", "[]", "versions.json is not of a run: 'all' must be a mapping, not a list of 0"),
+        ("versions.json", "{}", "'libraries' is absent"),
+        ("versions.json", '{"libraries": {}, "git": 3}', "'git' must be dict or null, not 3"),
+        ("summary.json", "3", "summary.json is not of a run: 'all' must be dict, not 3"),
     ],
 )
 def test_what_is_no_run_is_refused_with_the_file_that_says_so(capsys, run, file, content, message):
