@@ -27,7 +27,7 @@ from segar.experiments.commands.overrides import (
     single_runs,
     with_own_names,
     with_search_path,
-    without_passwords,
+    without_password_in,
 )
 from segar.experiments.commands.signals import Stopped
 from segar.experiments.settings import ConfigError, RunConfig, import_object, run_config
@@ -101,7 +101,7 @@ def run_command(
 
     try:
         with errors_as_messages():
-            sys.argv[1:] = without_passwords(with_own_names(sys.argv[1:]))
+            sys.argv[1:] = map(without_password_in, with_own_names(sys.argv[1:]))
             configs, number = check_command_line(config_name)
             if announce is not None and number:
                 with suppress(SegarError):  # a run whose settings are wrong says so itself, and the others go on

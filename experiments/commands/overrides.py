@@ -103,13 +103,9 @@ def unquoted(text: str) -> str:
     return re.sub(rf"(\\+)(?={mark}|$)", lambda found: found[0][: len(found[0]) // 2], inner)
 
 
-def without_passwords(overrides: Sequence[str]) -> list[str]:
-    """The overrides with the address of ``tracking.uri`` without its password, which goes into the environment: Hydra writes
-    and prints what was asked for."""
-    return [_without_password(text) for text in overrides]
-
-
-def _without_password(text: str) -> str:
+def without_password_in(text: str) -> str:
+    """An override, the address of ``tracking.uri`` without its password, which goes into the environment: Hydra writes and
+    prints what was asked for."""
     name, equals, value = text.partition("=")
     if name.lstrip("+") != "tracking.uri":
         return text

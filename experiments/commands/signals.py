@@ -98,10 +98,7 @@ class SignalMonitor:
 def watch_signals() -> Iterator[SignalMonitor]:
     """Monitors signals inside the block. Outside of the main thread no signals come in, and nothing is installed."""
     monitor = SignalMonitor()
-    if threading.current_thread() is not threading.main_thread():
-        yield monitor
-        return
-    before = monitor.install()
+    before = monitor.install() if threading.current_thread() is threading.main_thread() else {}
     try:
         yield monitor
     finally:

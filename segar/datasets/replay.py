@@ -1,18 +1,35 @@
-"""Play recorded actions again, and compare: a dataset is what it says it is."""
+"""Play recorded actions again: a dataset is what it says it is, and files of human play hold levels and actions alone."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from itertools import chain, repeat
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from segar.datasets.episodes import Episode, roll_out
+from segar.datasets.episodes import Episode, episode_of, roll_out
 from segar.datasets.recipe import hash_of_kernel, levels_of, recipe_of
-from segar.envs import VectorEnv
+from segar.envs import VectorEnv, play
 from segar.errors import SegarError
 from segar.language import Task
-from segar.observations import OBSERVATIONS
+from segar.levels import Levels, levels_from_data
+from segar.observations import OBSERVATIONS, leaves
 from segar.rules import World
+from segar.support import __version__, check_form, check_size, from_handwritten_json, json_in, shown
+from segar.tasks import task_of
+
+# Of recordings of human play.
+FORMAT, VERSION = "segar-play", 1
+LIMIT = 4 * 2**30  # [bytes] of states and observations
+EPISODE = {
+    "level": int, "seed": int, "actions": [[float]], "return": float, "terminated": bool, "truncated": bool, "success": bool,
+}  # fmt: skip
+FORM = {
+    "format": str, "version": int, "segar": str, "task": (str, None), "seed": int, "levels": dict, "episodes": [EPISODE],
+}  # fmt: skip
+"""The form of a recording; see :func:`segar.support.misfit`."""
 
 
 def check_replay(dataset: Any, *, observation: Any = None, task: Task | None = None, world: World | None = None) -> int:
@@ -37,7 +54,7 @@ def check_replay(dataset: Any, *, observation: Any = None, task: Task | None = N
         n = len(numbers) // recipe.trials
         env = VectorEnv(levels, n, observation=observation or "state", task=task, world=world, **limits)
         played = np.array([int(one.infos["level"][0]) for one in recorded[:: recipe.trials]])
-        actions = _actions([one.actions for one in recorded], recipe.trials)
+        actions = _steps_of([one.actions for one in recorded], recipe.trials)
         again = roll_out(env, played, recipe.seed_of(batch), lambda observations, actions=actions: next(actions))
         try:
             for number, there, here in zip(numbers, recorded, again, strict=True):
@@ -53,7 +70,7 @@ def check_replay(dataset: Any, *, observation: Any = None, task: Task | None = N
     return steps
 
 
-def _actions(recorded: list[np.ndarray], trials: int) -> Iterator[np.ndarray]:
+def _steps_of(recorded: list[np.ndarray], trials: int) -> Iterator[np.ndarray]:
     """The actions of all environments in each step; after its recorded end an environment does nothing."""
     rows = [np.concatenate(recorded[at : at + trials]) for at in range(0, len(recorded), trials)]
     whole = np.zeros((max(map(len, rows)), len(rows), recorded[0].shape[1]), np.float32)
@@ -88,3 +105,93 @@ def _arrays(tree: Any, name: str) -> Iterable[tuple[str, np.ndarray]]:
         return
     for key, part in tree.items() if isinstance(tree, Mapping) else enumerate(tree):
         yield from _arrays(part, f"{name}.{key}")
+
+
+def read_play(
+    path: str | PathLike[str], *, observation: Any = "state", task: Task | None = None, world: World | None = None
+) -> tuple[Levels, list[Episode]]:
+    """The levels and the episodes of a recording of human play, which are played again to the same returns and ends.
+
+    An episode has what its environment observes when the recorded actions are taken; the file holds no observations. One
+    that the player left before its end is neither terminated nor truncated.
+
+    Args:
+        observation: what the episodes observe, as :class:`segar.envs.VectorEnv` takes it.
+        task, world: those that were played, where the file names none that is built in.
+
+    Raises:
+        SegarError: the file is no recording, is damaged, or names a task or rules of its maker's own; or an episode has
+            another return or end when its actions are played again.
+    """
+    path = Path(path)
+    data = json_in(path, "a recording of play", SegarError, from_handwritten_json)
+    check_form(str(path), data, "a recording of play", FORMAT, VERSION, FORM, SegarError)
+    levels = levels_from_data(data["levels"], path, "levels.", world)
+    try:
+        task = task or task_of(replace(levels, task=data["task"] or levels.task))
+        env = VectorEnv(levels, 1, observation=observation, task=task, seed=0, autoreset_mode="Disabled", world=world)
+    except SegarError as error:
+        raise SegarError(f"{path}: {error}") from error
+    _check_memory(path, data["episodes"], env)
+    by = f"; SEGAR {shown(data['segar'])} recorded it, and this is {__version__}"
+    return levels, [_play_again(env, said, f"{path}: episodes[{k}]", by) for k, said in enumerate(data["episodes"])]
+
+
+def _check_memory(path: Path, episodes: list[dict[str, Any]], env: VectorEnv) -> None:
+    """Raise :class:`SegarError` where states and observations of all episodes would take more memory than the limit."""
+    observations, _ = env.reset(seed=0)
+    state = env.state().state.values.nbytes + sum(array.nbytes for array in leaves(observations))
+    states = sum(min(len(episode["actions"]), env.task.max_steps) + 1 for episode in episodes)
+    check_size(path, states * state, "recording of play", SegarError, LIMIT)
+
+
+def _play_again(env: VectorEnv, said: dict[str, Any], at: str, by: str) -> Episode:
+    """An episode as its actions lead through it.
+
+    Args:
+        at: where it stands, for messages.
+        by: how the message about a difference ends.
+    """
+    if not 0 <= said["level"] < len(env.levels):
+        raise SegarError(f"{at}.level: must be 0 to {len(env.levels) - 1}, not {said['level']}")
+    if said["seed"] < 0:
+        raise SegarError(f"{at}.seed: must not be negative, and is {said['seed']}")
+    actions = _read_actions(said["actions"], len(env.task.action_low), f"{at}.actions")
+    start = env.reset(seed=said["seed"], options={"levels": np.array([said["level"]])})
+    steps, taken = [], iter(actions[:, None])
+    try:
+        for now in play(env, lambda observations: next(taken), start):
+            steps.append(now)
+            if now.time == len(actions) or not now.running[0]:
+                break
+    except SegarError as error:
+        raise SegarError(f"{at}: {error}") from error
+    last = steps[-1]
+    if last.time < len(actions):
+        raise SegarError(f"{at}.actions: there are {len(actions)}, and the episode ends after {last.time} of them{by}")
+    again = {
+        "return": float(last.info["return"][0]),
+        "terminated": bool(last.terminated[0]),
+        "truncated": bool(last.truncated[0]),
+        "success": bool(last.info["success"][0]),
+    }
+    for name, value in again.items():
+        if said[name] != value:
+            raise SegarError(f"{at}.{name}: is {said[name]}, and {value} when the actions are played again{by}")
+    options = {"level": said["level"], "seed": said["seed"], "environment": 0}
+    return episode_of(env, steps, 0, options)
+
+
+def _read_actions(given: list[list[float]], width: int, at: str) -> np.ndarray:
+    """The actions of an episode, float32 ``(T, width)``."""
+    if not given:
+        raise SegarError(f"{at}: there must be one at least")
+    for time, action in enumerate(given):
+        if len(action) != width:
+            raise SegarError(f"{at}[{time}]: must be {width} numbers, not {len(action)}")
+    stated = np.array(given, np.float64)
+    with np.errstate(over="ignore"):
+        actions = stated.astype(np.float32)
+    for time, k in np.argwhere(actions != stated)[:1].tolist():
+        raise SegarError(f"{at}[{time}][{k}]: {stated[time, k]} is no number of float32, in which actions are recorded")
+    return actions
