@@ -1,7 +1,6 @@
 """A game: a person hits the ball with the mouse."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import pygame
@@ -22,22 +21,6 @@ AIM = (255, 255, 255)
 MOUSE_BUTTON = 1
 
 
-@dataclass
-class Score:
-    """The episodes that were played: ``(level, ending, return)`` of each episode that ended."""
-
-    episodes: list[tuple[int, str, float]] = field(default_factory=list)
-
-    @property
-    def successes(self) -> int:
-        return sum(ending == "SUCCESS" for _, ending, _ in self.episodes)
-
-    def __str__(self) -> str:
-        best = max((result for _, _, result in self.episodes), default=None)
-        counts = f"{counted(len(self.episodes), 'episode')}, {self.successes} successes"
-        return counts if best is None else f"{counts}, best return {best:.3f}"
-
-
 class Game:
     """Levels that a person plays. Time stands still before the first hit, and while the player aims.
 
@@ -50,6 +33,9 @@ class Game:
         seed: of the randomness in rules.
         speed: of time; 1 is as fast as the simulation.
         max_steps: of an episode; as many as agents and the pages of playgrounds have where it is None.
+
+    Attributes:
+        episodes: ``(level, ending, return)`` of each episode that ended.
 
     Raises:
         SegarError: the task has other actions.
@@ -74,7 +60,7 @@ class Game:
         self.view = view or View(size=720)
         self._stage = Stage(levels, self.env.simulator.world, self.env.task, self.view.colours)
         self._painter = Painter(self.view)
-        self.score, self.level, self.speed = Score(), level % len(levels), speed
+        self.episodes, self.level, self.speed = list[tuple[int, str, float]](), level % len(levels), speed
         self.is_open = True
         self.env.reset()
         self.env.step(np.zeros((1, 2), np.float32))  # so that the first hit does not wait for a kernel
@@ -102,7 +88,7 @@ class Game:
         flags = {name: bool(info[name][0]) for name in ("success", "death")}
         self.ending = episode_verdict(flags, bool(terminated[0]), bool(truncated[0]))
         if self.ending:
-            self.score.episodes.append((self.level, self.ending, float(info["return"][0])))
+            self.episodes.append((self.level, self.ending, float(info["return"][0])))
         return True
 
     def picture(self) -> pygame.Surface:
@@ -125,8 +111,15 @@ class Game:
         agents = [figure for figure in figures if figure.is_agent]
         return next((figure for figure in agents if figure.is_alive and not figure.is_done), agents[0])
 
-    def run(self, frames: int | None = None) -> Score:
-        """Play in a window until the player leaves, or for so many frames; return the score."""
+    def score(self) -> str:
+        """How the player did, in words."""
+        best = max((result for _, _, result in self.episodes), default=None)
+        successes = sum(ending == "SUCCESS" for _, ending, _ in self.episodes)
+        counts = f"{counted(len(self.episodes), 'episode')}, {successes} successes"
+        return counts if best is None else f"{counts}, best return {best:.3f}"
+
+    def run(self, frames: int | None = None) -> None:
+        """Play in a window until the player leaves, or for so many frames."""
         height, width, _ = self.view.shape
         window = Window((width, height), f"SEGAR: {self.env.task.name}")
         rate = max(self.speed * steps_per_second(self.env.levels, self.env.task), 1)
@@ -138,7 +131,6 @@ class Game:
             window.show(self.picture(), rate)
             shown += 1
         window.close()
-        return self.score
 
     def _start(self) -> None:
         self.env.reset(options={"levels": np.array([self.level])})

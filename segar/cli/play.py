@@ -34,4 +34,5 @@ def play(chosen: argparse.Namespace) -> None:
         max_steps=chosen.steps,
         view=View(size=chosen.size),
     )
-    print(game.run())
+    game.run()
+    print(game.score())

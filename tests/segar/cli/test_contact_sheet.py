@@ -79,7 +79,6 @@ def test_the_command_plays_the_levels_that_were_asked_for(capsys, monkeypatch):
 
     def run(self):
         played.append((self.level, len(self.env.levels), self.env.task.max_steps, self.view.size, self.speed))
-        return self.score
 
     monkeypatch.setattr(Game, "run", run)
     command = ["play", "empty-hard", "-n", "5", "--level", "3", "--steps", "70", "--size", "300", "--speed", "0.5"]
