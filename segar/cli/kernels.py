@@ -1,10 +1,10 @@
 """``segar families``, ``segar compile``, ``segar kernel``: names, kernels ahead of time and for other targets, and what they
 are made of."""
 
+import argparse
 import os
 import re
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,41 +30,36 @@ def add_commands(commands: Any) -> None:
     warming = commands.add_parser("compile", help="compile kernels into the cache, so that no first step waits")
     warming.add_argument("names", nargs="*", metavar="family", help=f"{NAME_HELP}; all families by default")
     warming.add_argument("--task", help=TASK_HELP)
-    warming.set_defaults(run=lambda chosen: compile_kernels(chosen.names, chosen.task))
+    warming.set_defaults(run=compile_kernels)
 
     kernel = commands.add_parser("kernel", help="look at the kernel of a world, or build it for another target")
     actions = kernel.add_subparsers(required=True, metavar="command")
     showing = actions.add_parser("show", help="print the generated source, and where the rules in it are written")
-    showing.add_argument("name", metavar="family", help=NAME_HELP)
-    showing.add_argument("--task", help=TASK_HELP)
-    showing.set_defaults(run=lambda chosen: print(kernel_text(chosen.name, chosen.task)))
-
     building = actions.add_parser("build", help="write a module for another target, which plays with equal bits")
-    building.add_argument("name", metavar="family", help=NAME_HELP)
+    for action, run in ((showing, show_kernel), (building, build_target)):
+        action.add_argument("name", metavar="family", help=NAME_HELP)
+        action.add_argument("--task", help=TASK_HELP)
+        action.set_defaults(run=run)
     building.add_argument(
         "--target", required=True, choices=engine.TARGETS,
         help="wasm: a WebAssembly module that imports nothing; native: an object file for C; ptx: text for NVIDIA GPUs",
     )  # fmt: skip
     building.add_argument("-o", "--output", required=True, help="the file")
-    building.add_argument("--task", help=TASK_HELP)
     building.add_argument(
         "--observation", default="state", choices=sorted(OBSERVATIONS), help="what agents see (default: state)"
     )
-    building.set_defaults(
-        run=lambda chosen: build_target(chosen.name, chosen.target, chosen.output, chosen.task, chosen.observation)
-    )
 
 
-def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
-    """Compile the kernels of these level distributions (default: all that have a name), and print a row for each.
+def compile_kernels(chosen: argparse.Namespace) -> None:
+    """``segar compile``: compile the kernels of level distributions, and print a row for each.
 
     Distributions that differ in nothing but numbers share a kernel, and a row.
     """
     os.environ[PATIENCE] = "0"
     found: dict[Path, tuple[Levels, Task, list[str]]] = {}
-    for name in names or (*families(), *TASK_LEVELS):
+    for name in chosen.names or (*families(), *TASK_LEVELS):
         levels = find_distribution(name).sample(1)
-        for its_task in [task_named(task, levels)] if task else _tasks_of(name, levels):
+        for its_task in [task_named(chosen.task, levels)] if chosen.task else _tasks_of(name, levels):
             path = engine.kernel_path(_generate(levels, its_task).text)
             found.setdefault(path, (levels, its_task, []))[2].append(name)
     start, compiled = time.perf_counter(), 0
@@ -81,25 +76,21 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
     )
 
 
-def build_target(name: str, target: str, output: str, task: str | None = None, observation: str = "state") -> None:
-    """Write the module of a target that plays these levels with this observation, and print what it exports.
-
-    Raises:
-        SegarError: a name is unknown, the world cannot be built for the target, or the file cannot be written.
-    """
-    levels = find_distribution(name).sample(1)
-    env = VectorEnv(levels, 1, observation=observation, task=task_named(task, levels), seed=0)
-    kernel = build_environment(env, target)
-    with replacing(Path(output), "the kernel") as beside:
+def build_target(chosen: argparse.Namespace) -> None:
+    """``segar kernel build``: write the module of a target that plays levels, and print what it exports."""
+    levels = find_distribution(chosen.name).sample(1)
+    env = VectorEnv(levels, 1, observation=chosen.observation, task=task_named(chosen.task, levels), seed=0)
+    kernel = build_environment(env, chosen.target)
+    with replacing(Path(chosen.output), "the kernel") as beside:
         beside.write_bytes(kernel.code)
     exports = ", ".join(one["name"] for one in kernel.description["exports"])
-    print(f"{output}: {len(kernel.code):,} bytes, exports {exports}")
+    print(f"{chosen.output}: {len(kernel.code):,} bytes, exports {exports}")
 
 
-def kernel_text(name: str, task: str | None = None) -> str:
-    """The generated source of a distribution's kernel, below a legend that names the file of each rule."""
-    levels = find_distribution(name).sample(1)
-    its_task = task_named(task, levels)
+def show_kernel(chosen: argparse.Namespace) -> None:
+    """``segar kernel show``: print the generated source of a kernel, below a legend that names the file of each rule."""
+    levels = find_distribution(chosen.name).sample(1)
+    its_task = task_named(chosen.task, levels)
     source = _generate(levels, its_task)
     path = engine.kernel_path(source.text)
     solid = world_of(levels).solid
@@ -107,7 +98,7 @@ def kernel_text(name: str, task: str | None = None) -> str:
     named = {name for line in re.findall(r"^ +# ([\w, ]+)$", source.text, re.M) for name in line.split(", ")}
     width = max(len(rule.name) for rule in rules)
     legend = [
-        f"The kernel of '{name}' with the task {its_task.name}.",
+        f"The kernel of '{chosen.name}' with the task {its_task.name}.",
         f"It lies in {path} ({'compiled' if engine.is_compiled(path) else 'not compiled yet'}).",
         "",
         "A comment in the functions below names the rule that the lines after it come from:",
@@ -118,7 +109,7 @@ def kernel_text(name: str, task: str | None = None) -> str:
         "What stands before the first of them is geometry and contacts, the same in every kernel:",
         *(f"  {Path(engine.__path__[0], 'runtime', file)}" for file in ("geometry.py", "contacts.py")),
     ]
-    return "\n".join([*(f"# {line}".rstrip() for line in legend), "", source.text.rstrip("\n")])
+    print(*(f"# {line}".rstrip() for line in legend), "", source.text.rstrip("\n"), sep="\n")
 
 
 def _place(rule: Rule) -> str:

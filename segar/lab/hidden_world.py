@@ -74,6 +74,7 @@ class Lab:
     seen: Sequence[type[Factor]] = SEEN
     settable: Mapping[type[Factor], tuple[float, float]] = field(default_factory=lambda: dict(SETTABLE))
     shifted: LevelDistribution | None = None
+    _simulators: dict[World | None, Simulator] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         checks.require_distribution("Lab", self.distribution)
@@ -161,10 +162,6 @@ class Lab:
             cores = len(os.sched_getaffinity(0))
             self._simulators[laws.world] = Simulator(world_of(laws), laws.layout, self.task, cores)
         return self._simulators[laws.world]
-
-    @cached_property
-    def _simulators(self) -> dict[World | None, Simulator]:
-        return {}
 
     def play(
         self, laws: Levels, level: np.ndarray, values: np.ndarray, actions: np.ndarray,
