@@ -161,10 +161,9 @@ def search(spec: Search) -> optuna.Study:
         study = open_study(sqlite_address(folder / "trials.db"), spec)
         left = spec.config.trials - sum(map(has_ended, study.get_trials(deepcopy=False)))
         print(f"{spec.name}: {left} of {spec.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
+        together = max(spec.config.processes // spec.config.seeds, 1)  # trials that run side by side
         while left > 0:
-            trials = [
-                study.ask(spec.space) for _ in range(min(left, max(spec.config.processes // spec.config.seeds, 1)))
-            ]
+            trials = [study.ask(spec.space) for _ in range(min(left, together))]
             jobs = {trial.number: jobs_of(spec, trial, folder / "logs") for trial in trials}
             outcomes = run_jobs([job for some in jobs.values() for job in some], spec.work, spec.config.processes)
             for trial in trials:
@@ -234,12 +233,8 @@ def report(study: optuna.Study, spec: Search) -> str:
     groups = f"levels={run.levels.train} observation={run.observation.name} algorithm={run.algorithm.name}"
     groups += f" task={run.task.name}" * (run.task.name != OWN_TASK)
     settings = " ".join(f"{name}={in_short(value)}" for name, value in best.items())
-    return "\n".join(
-        [
-            table(["trial", spec.config.metric, *best], rows),
-            f"train with the best: segar train {groups} {settings}",
-        ]
-    )
+    listed = table(["trial", spec.config.metric, *best], rows)
+    return f"{listed}\ntrain with the best: segar train {groups} {settings}"
 
 
 def in_short(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""Process-wide defaults, set before torch, MLflow and POT are imported: importing the room does it."""
+"""Process-wide defaults, set before torch and MLflow are imported: importing the room does it."""
 
 import ctypes
 import gc
@@ -22,7 +22,6 @@ ENVIRONMENT = {
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",  # of every run, when it ends
     "RL_WARNINGS": "0",  # torchrl's, about its optional C++ extension
     "RL_LOGGING_LEVEL": "WARNING",  # below, torchrl tells in colours what it allocates, in logs, too
-    "POT_BACKEND_DISABLE_PYTORCH": "1",  # else `import ot` imports torch
     # OpenMP's threads sleep when they have nothing to do. By default they spin, and where other processes want the cores,
     # too, each waits for one that is not running: two threads were then 20 times slower than sleeping ones. GNU's, which
     # torch has, spin for a moment first, about as long as lies between two layers: 1.5 times as fast as sleeping at once.
