@@ -92,11 +92,8 @@ def as_table(runs: Sequence[RunRow]) -> str:
     rows = as_columns(runs)
     settings = in_short(rows, [name for name in named_settings(runs) if varies(rows, name) or name in SHOWN])
     figures = {name: name for name in rows[0] if name.startswith("w2_")}
-    figures |= FIGURES | {
-        name: name.removesuffix("_deterministic").removeprefix(RESULTS)
-        for name in rows[0]
-        if name.startswith(RESULTS) and name.endswith("_test_deterministic")
-    }
+    own = (name for name in rows[0] if name.startswith(RESULTS) and name.endswith("_test_deterministic"))
+    figures |= FIGURES | {name: name.removesuffix("_deterministic").removeprefix(RESULTS) for name in own}
     shown = {name: title for name, title in figures.items() if any(row.get(name) is not None for row in rows)}
     made = sorted({row["computed_with"] for row in rows} - {""})
     if len(made) > 1:

@@ -158,10 +158,8 @@ class RunSync:
         from mlflow.tracking.context.registry import resolve_tags
 
         made = read_versions(self.folder)
-        tags = {
-            **resolve_tags(),
-            "mlflow.source.name": "segar.experiments.train",
-        }  # MLflow's own: the user, the kind of the source
+        # MLflow's own: the user, the kind of the source.
+        tags = {**resolve_tags(), "mlflow.source.name": "segar.experiments.train"}
         if made.get("git"):
             tags["mlflow.source.git.commit"] = made["git"]["commit"]
         tags |= {**tags_of(self.config), "run_folder": str(self.folder), "begun": str(self.state.begun)}

@@ -156,9 +156,8 @@ class Game:
         """The action of a hit towards a place, float32 ``(2,)``: at most as hard as the task allows."""
         task, away = self.env.task, (place - self.ball().place) / REACH
         away /= max(1.0, float(np.abs(away).max()))
-        return np.where(away < 0, -away * np.array(task.action_low), away * np.array(task.action_high)).astype(
-            np.float32
-        )
+        push = np.where(away < 0, -away * np.array(task.action_low), away * np.array(task.action_high))
+        return push.astype(np.float32)
 
     def _place(self, pixel: tuple[int, int]) -> np.ndarray:
         return self._painter.place(pixel, self._stage.world.walls)

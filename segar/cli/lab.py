@@ -56,9 +56,8 @@ def serve(chosen: argparse.Namespace) -> None:
     """``segar lab serve``."""
     own = {"world": chosen.hidden, "budget": chosen.budget, "questions": chosen.questions}
     lab = dataclasses.replace(_lab(chosen), **own, passive=chosen.passive, trusted=chosen.trust)
-    session = (
-        Session(lab) if chosen.session is None or not chosen.session.exists() else Session.load(chosen.session, lab)
-    )
+    is_begun = chosen.session is not None and chosen.session.exists()
+    session = Session.load(chosen.session, lab) if is_begun else Session(lab)
     session.file = chosen.session
     if chosen.mcp:
         need("a server of the Model Context Protocol", "mcp")
@@ -99,9 +98,8 @@ def _add_lab(parser: argparse.ArgumentParser) -> None:
 
 
 def _lab(chosen: argparse.Namespace) -> Lab:
-    distribution = dataclasses.replace(
-        arguments.find_distribution(chosen.family), world=arguments.find_world(chosen.world)
-    )
+    world = arguments.find_world(chosen.world)
+    distribution = dataclasses.replace(arguments.find_distribution(chosen.family), world=world)
     return Lab(distribution, seed=chosen.seed, most_steps=chosen.steps, noise=chosen.noise)
 
 

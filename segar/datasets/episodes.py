@@ -48,15 +48,11 @@ def roll_out(env: VectorEnv, levels: np.ndarray, seed: int, policy: Policy) -> l
         ends[now.ended, now.trial[now.ended]] = now.time
         steps.append(now)
     starts = np.concatenate([np.zeros((env.num_envs, 1), np.int64), ends[:, :-1]], axis=1)
-    return [
-        episode_of(
-            env,
-            steps[starts[e, k] : ends[e, k] + 1],
-            e,
-            {"level": int(levels[e]), "seed": seed, "environment": e, **({"trial": k} if env.trials > 1 else {})},
-        )
-        for e, k in np.ndindex(ends.shape)
-    ]
+    found = []
+    for e, k in np.ndindex(ends.shape):
+        options = {"level": int(levels[e]), "seed": seed, "environment": e} | ({"trial": k} if env.trials > 1 else {})
+        found.append(episode_of(env, steps[starts[e, k] : ends[e, k] + 1], e, options))
+    return found
 
 
 def episode_of(env: VectorEnv, steps: Sequence[TimeStep], row: int, options: dict[str, Any]) -> Episode:
@@ -66,6 +62,7 @@ def episode_of(env: VectorEnv, steps: Sequence[TimeStep], row: int, options: dic
     space: Any = env.single_action_space
     if "final_obs" in steps[-1].info:
         seen[-1], truths[-1] = steps[-1].info["final_obs"], steps[-1].info["final_info"]
+    factors = stacked([env.factors_of(info, [row]) for info in truths], 0)
     flags = {name: np.array([False, *(info[name][row] for info in truths[1:])]) for name in ("success", "death")}
     taken = steps[1:]
     return Episode(
@@ -74,11 +71,7 @@ def episode_of(env: VectorEnv, steps: Sequence[TimeStep], row: int, options: dic
         rewards=np.array([now.reward[row] for now in taken]),
         terminations=np.array([now.terminated[row] for now in taken]),
         truncations=np.array([now.truncated[row] for now in taken]),
-        infos={
-            **stacked([env.factors_of(info, [row]) for info in truths], 0),
-            "level": np.full(len(steps), options["level"]),
-            **flags,
-        },
+        infos={**factors, "level": np.full(len(steps), options["level"]), **flags},
         options=options,
     )
 

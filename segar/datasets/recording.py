@@ -158,9 +158,8 @@ def _unfinished(dataset_id: str, recipe: Recipe) -> Iterator[Path]:
     with locked(folder, SegarError, "wait until it has recorded, or choose another name"):
         begun = folder / RECIPE
         if begun.exists():
-            recipe_from(json_in(begun, "a recipe", SegarError), str(begun)).require_same(
-                recipe, f"{folder} holds a recording"
-            )
+            there = recipe_from(json_in(begun, "a recipe", SegarError), str(begun))
+            there.require_same(recipe, f"{folder} holds a recording")
         else:
             with replacing(begun, "the recipe") as beside:
                 beside.write_text(json.dumps(asdict(recipe), indent=1) + "\n", encoding="utf-8")

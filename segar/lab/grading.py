@@ -89,10 +89,8 @@ class Grader:
 
     def _squares(self, laws: Levels) -> np.ndarray:
         """Squared distances of laws from the hidden one, float64 ``(sets, laws, levels)``."""
-        return np.stack([
-            _by_level(truth, situations.outcomes(laws))
-            for truth, situations in zip(self._truth, self.situations.values(), strict=True)
-        ])  # fmt: skip
+        pairs = zip(self._truth, self.situations.values(), strict=True)
+        return np.stack([_by_level(truth, situations.outcomes(laws)) for truth, situations in pairs])
 
     def _grade(self, law: Any, scores: np.ndarray, distances: np.ndarray, start: np.ndarray) -> Grade:
         truth, answer = self._law, law.get("options", {})

@@ -175,9 +175,8 @@ class Session:
     def _predict(self, request: Mapping[str, Any]) -> dict[str, Any]:
         if ("law" in request) == ("laws" in request):
             raise SegarError("a prediction needs 'law', or 'laws', and not both")
-        level, values, actions, is_batch = read_experiment(
-            self.lab, request, len(self.lab.levels), self.lab.task.max_steps
-        )
+        levels, most_steps = len(self.lab.levels), self.lab.task.max_steps
+        level, values, actions, is_batch = read_experiment(self.lab, request, levels, most_steps)
         laws = levels_of(self.lab, request.get("laws", [request.get("law")]))
         states = self.lab.play(laws, level, values, actions).seen
         states = states if is_batch else states[:, 0]
@@ -240,18 +239,14 @@ def read_experiment(
     for entity, factors in request.get("set", {}).items():
         slot = layout.slot_index(entity)
         for name, given in factors.items():
+            at = f"set.{entity}.{name}"
             if name not in bounds:
-                raise SegarError(f"'set.{entity}.{name}' cannot be set.{did_you_mean(name, bounds)}")
+                raise SegarError(f"'{at}' cannot be set.{did_you_mean(name, bounds)}")
             factor, low, high = bounds[name]
             shape = () if factor.width == 1 else (factor.width,)
-            changes.append(
-                (f"set.{entity}.{name}", slot, factor, numbers(given, f"set.{entity}.{name}", shape, low, high))
-            )
-    leading = [
-        level.shape,
-        actions.shape[:-2],
-        *(value.shape[: value.ndim - (f.width > 1)] for _, _, f, value in changes),
-    ]
+            changes.append((at, slot, factor, numbers(given, at, shape, low, high)))
+    leading = [level.shape, actions.shape[:-2]]
+    leading += [value.shape[: value.ndim - (f.width > 1)] for _, _, f, value in changes]
     try:
         batch = np.broadcast_shapes(*leading)
     except ValueError as error:

@@ -96,11 +96,8 @@ def named_object(name: str) -> Any:
         raise SegarError(f"'{name}' cannot be imported: {_reason(error)}") from error
     for part in named.attribute.split("."):
         if not hasattr(found, part):
-            public = [
-                one
-                for one in dir(found)
-                if not one.startswith("_") and not inspect.ismodule(inspect.getattr_static(found, one, None))
-            ]
+            names = [one for one in dir(found) if not one.startswith("_")]
+            public = [one for one in names if not inspect.ismodule(inspect.getattr_static(found, one, None))]
             raise SegarError(f"'{module}' has no '{part}'.{did_you_mean(part, public)}")
         found = getattr(found, part)
         _require_own(name, module.partition(".")[0], found)

@@ -75,10 +75,8 @@ def _solve(a: np.ndarray, b: np.ndarray, cost: np.ndarray) -> np.ndarray:
             raise SegarError(f"optimal transport of {len(a)} x {len(b)} points did not converge: {log['warning']}")
         found[found < DUST * np.minimum(a[:, None], b)] = 0.0
         plan = min(found, plan, key=lambda one: (one * cost).sum())
-        lacking = (
-            plan.sum(axis=1) - a,
-            plan.sum(axis=0) - b,
-        )  # masses that are too small beside the others to be moved exactly
+        # Of masses that are too small beside the others to be moved exactly.
+        lacking = plan.sum(axis=1) - a, plan.sum(axis=0) - b
         gap, u, v = _proof(plan, cost, u + unit * log["u"])
         gap += abs(float(lacking[0] @ u + lacking[1] @ v))
         if gap <= EXACT * (plan * cost).sum():
