@@ -116,14 +116,7 @@ def sampled_levels(chosen: argparse.Namespace) -> Levels:
     return find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
 
 
-def add_output(
-    parser: argparse.ArgumentParser,
-    purpose: str,
-    *,
-    required: bool,
-    metavar: str = "FILE",
-    endings: Sequence[str] = (),
-) -> None:
+def add_output(parser: argparse.ArgumentParser, purpose: str, *, required: bool, endings: Sequence[str] = ()) -> None:
     """Add the option that names what is written; ``endings`` are those that its name may have, besides none."""
 
     def place(text: str) -> str:
@@ -133,7 +126,7 @@ def add_output(
             raise argparse.ArgumentTypeError(f"must end in {' or '.join(endings)}, not '{text}'")
         return text
 
-    parser.add_argument("-o", "--output", type=place, required=required, metavar=metavar, help=purpose)
+    parser.add_argument("-o", "--output", type=place, required=required, metavar="FILE", help=purpose)
 
 
 def add_number(parser: argparse.ArgumentParser, name: str, purpose: str, *, least: int, default: int) -> None:

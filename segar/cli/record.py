@@ -24,12 +24,8 @@ def add_commands(commands: Any) -> None:
         commands, "record", run, "record episodes: a dataset with frames and factors, or a video of one episode"
     )
     arguments.add_levels(made, "levels and episodes")
-    arguments.add_output(
-        made,
-        "the name of a Minari dataset, e.g. segar/rolling-v0; or a file, .mp4 or .gif",
-        required=True,
-        metavar="PLACE",
-    )
+    place = "the name of a Minari dataset, e.g. segar/rolling-v0; or a file, .mp4 or .gif"
+    arguments.add_output(made, place, required=True)
     arguments.add_number(made, "--episodes", "of the dataset", least=1, default=100)
     made.add_argument("--policy", choices=POLICIES, default="uniform", help="who plays (default: %(default)s)")
     made.add_argument("--observation", choices=list(OBSERVATIONS), default="rgb", help="(default: %(default)s)")

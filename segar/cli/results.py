@@ -19,11 +19,7 @@ def add_commands(commands: Any) -> None:
     for name, run, purpose in (
         ("list", list_files, "print each file, whether it is here, and the command that makes it again"),
         ("fetch", fetch, f"get files from the address in {ADDRESS}, http(s):// or file://, and check them"),
-        (
-            "record",
-            record,
-            f"write size and SHA-256 of the files that are here into {MANIFEST}, for who made them again",
-        ),
+        ("record", record, f"note size and SHA-256 of the files that are here in {MANIFEST}, for who made them again"),
     ):
         one = arguments.command(actions, name, run, purpose)
         one.add_argument(
@@ -64,12 +60,7 @@ def chosen_files(folder: Path, paths: Sequence[str]) -> list[Published]:
     """The published files that some paths name, each a file or a folder; all of them where there are none."""
     files = read_manifest(folder)
     for path in paths:
-        if not any(is_under(one.path, path) for one in files):
+        if not any(Path(one.path).is_relative_to(path) for one in files):
             known = sorted({name for one in files for name in (one.path, os.path.dirname(one.path))})
             raise SegarError(f"no published file is {path} or lies in it.{did_you_mean(path, known)}")
-    return [one for one in files if not paths or any(is_under(one.path, path) for path in paths)]
-
-
-def is_under(path: str, place: str) -> bool:
-    """Whether a path is this file or lies in this folder."""
-    return path == place.rstrip("/") or path.startswith(place.rstrip("/") + "/")
+    return [one for one in files if not paths or any(Path(one.path).is_relative_to(path) for path in paths)]

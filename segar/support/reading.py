@@ -13,13 +13,7 @@ from segar.errors import SegarError
 LIMIT = 256 * 2**20  # [bytes] of a text, and to which a small file may expand
 RATIO = 100  # a larger file may expand to so many times its size; level files take a seventh to a thirtieth
 LIMIT_VARIABLE = "SEGAR_FILE_LIMIT"  # [MB] the environment variable that says another limit
-KINDS = {
-    stat.S_ISDIR: "a folder",
-    stat.S_ISCHR: "a device",
-    stat.S_ISBLK: "a device",
-    stat.S_ISFIFO: "a pipe",
-    stat.S_ISSOCK: "a socket",
-}
+KINDS = {"d": "a folder", "c": "a device", "b": "a device", "p": "a pipe", "s": "a socket"}  # by letters of `ls -l`
 
 
 @contextmanager
@@ -105,6 +99,5 @@ def file_limit(limit: int, size: int = 0) -> int:
 
 def kind_of(mode: int) -> str | None:
     """What has this mode, in words; None for a regular file."""
-    if stat.S_ISREG(mode):
-        return None
-    return next((name for is_it, name in KINDS.items() if is_it(mode)), "something else")
+    letter = stat.filemode(mode)[0]
+    return None if letter == "-" else KINDS.get(letter, "something else")
