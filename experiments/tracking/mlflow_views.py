@@ -38,12 +38,8 @@ class View:
 
 def scatter(x: str, y: str, x_is: str = "METRIC") -> Chart:
     """A point per run; what lies on x is a "METRIC" or a "PARAM"."""
-    return {
-        "type": "SCATTER",
-        "xaxis": {"key": x, "type": x_is},
-        "yaxis": {"key": y, "type": "METRIC"},
-        "runsCountToCompare": 1000,
-    }
+    axes = {"xaxis": {"key": x, "type": x_is}, "yaxis": {"key": y, "type": "METRIC"}}
+    return {"type": "SCATTER", **axes, "runsCountToCompare": 1000}
 
 
 def curve(metric: str) -> Chart:

@@ -17,8 +17,8 @@ from segar.rendering import View
 from segar.support import need, need_pygame, replacing
 from segar.textures import shipped_sets
 
-PEOPLE, COLOURS = "for people", "solid colours"
 TILE = 128  # [px] side of one picture
+PEOPLE = View(size=TILE, labels=False, line=False)  # a small picture has no text
 GAP, GROUP_GAP = 4, 14  # [px] between pictures, and between groups of them
 RESOLUTION = 64  # of observations, which are shown enlarged
 PAPER, INK = (250, 250, 250), (20, 20, 22)
@@ -67,14 +67,9 @@ def contact_sheet(seed: int = 0, renderers: Mapping[str, Renderer] | None = None
 
 def default_renderers() -> dict[str, Renderer]:
     """For people, in solid colours, and in one set of each kind of textures that comes with SEGAR."""
-    found: dict[str, Renderer] = {PEOPLE: people(TILE), COLOURS: Pixels(RESOLUTION)}
+    found: dict[str, Renderer] = {"for people": PEOPLE, "solid colours": Pixels(RESOLUTION)}
     shipped = shipped_sets()
     return found | {title: TexturedPixels(name, RESOLUTION) for name, title in TEXTURES.items() if name in shipped}
-
-
-def people(size: int) -> View:
-    """The view of a small picture: no text."""
-    return View(size=size, labels=False, line=False)
 
 
 def draw_level(levels: Levels, renderer: Renderer) -> np.ndarray:

@@ -169,12 +169,8 @@ def _play_again(env: VectorEnv, said: dict[str, Any], at: str, by: str) -> Episo
     last = steps[-1]
     if last.time < len(actions):
         raise SegarError(f"{at}.actions: there are {len(actions)}, and the episode ends after {last.time} of them{by}")
-    again = {
-        "return": float(last.info["return"][0]),
-        "terminated": bool(last.terminated[0]),
-        "truncated": bool(last.truncated[0]),
-        "success": bool(last.info["success"][0]),
-    }
+    flags = {"terminated": last.terminated, "truncated": last.truncated, "success": last.info["success"]}
+    again = {"return": float(last.info["return"][0]), **{name: bool(flag[0]) for name, flag in flags.items()}}
     for name, value in again.items():
         if said[name] != value:
             raise SegarError(f"{at}.{name}: is {said[name]}, and {value} when the actions are played again{by}")

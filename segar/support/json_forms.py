@@ -15,14 +15,14 @@ LARGEST_INTEGER = 2**64  # in size; larger ones have no place in an array
 LONGEST_SHOWN = 60  # [characters] of a wrong value in a message
 
 
-def from_json(text: bytes) -> Any:
-    """The data in a JSON text.
+def from_json(text: bytes, **hooks: Callable[..., Any]) -> Any:
+    """The data in a JSON text; ``hooks`` are those of :func:`json.loads`.
 
     Raises:
         ValueError: it is no JSON text, or nested too deeply.
     """
     try:
-        return json.loads(text)
+        return json.loads(text, **hooks)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
 
@@ -38,11 +38,9 @@ def from_handwritten_json(text: bytes) -> Any:
             one mapping.
     """
     try:
-        return json.loads(text, parse_int=_whole_number, object_pairs_hook=_mapping)
+        return from_json(text, parse_int=_whole_number, object_pairs_hook=_mapping)
     except UnicodeDecodeError as error:
         raise ValueError(f"it is no text in UTF-8: {error.reason}, byte {error.start + 1}") from error
-    except RecursionError:
-        raise ValueError("it is nested too deeply") from None
 
 
 def json_in(

@@ -8,7 +8,7 @@ import pytest
 
 import segar
 from segar import cli
-from segar.cli.gallery import contact_sheet, default_renderers, draw_level, people, save_png
+from segar.cli.gallery import PEOPLE, contact_sheet, default_renderers, draw_level, save_png
 from segar.observations.pixels.solid_colours import Pixels
 from segar.textures import shipped_sets
 from tests.places import ROOT
@@ -53,7 +53,7 @@ def test_every_kind_of_textures_that_is_shipped_is_shown():
 
 
 def test_a_picture_is_written_as_it_is(tmp_path):
-    picture = draw_level(LEVELS, people(128))
+    picture = draw_level(LEVELS, PEOPLE)
     save_png(picture, tmp_path / "all.png")
     assert (imageio.imread(tmp_path / "all.png") == picture).all()
 
@@ -65,7 +65,7 @@ def test_the_pictures_of_the_docs_are_small(name):
 
 
 def test_the_command_draws_sheets(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("segar.cli.gallery.contact_sheet", lambda seed: draw_level(LEVELS[seed], people(128)))
+    monkeypatch.setattr("segar.cli.gallery.contact_sheet", lambda seed: draw_level(LEVELS[seed], PEOPLE))
     assert cli.main(["gallery", "-o", str(tmp_path / "sheet.png"), "--json", "--seed", "1"]) == 0
     assert json.loads(capsys.readouterr().out) == {"file": str(tmp_path / "sheet.png"), "width": 128, "height": 128}
     assert cli.main(["gallery", "-o", str(tmp_path / "signs.png"), "--signs"]) == 0
