@@ -180,7 +180,7 @@ def open_study(storage: str, spec: Search) -> optuna.Study:
     study = optuna.create_study(
         study_name=spec.name,
         storage=storage,
-        direction=spec.config.direction,
+        direction="maximize" if spec.config.direction == "maximize" else "minimize",
         load_if_exists=True,
         sampler=sampler,
     )

@@ -56,9 +56,9 @@ def serve(chosen: argparse.Namespace) -> None:
     """``segar lab serve``."""
     own = {"world": chosen.hidden, "budget": chosen.budget, "questions": chosen.questions}
     lab = dataclasses.replace(_lab(chosen), **own, passive=chosen.passive, trusted=chosen.trust)
-    is_begun = chosen.session is not None and chosen.session.exists()
-    session = Session.load(chosen.session, lab) if is_begun else Session(lab)
-    session.file = chosen.session
+    place: Path | None = chosen.session
+    session = Session.load(place, lab) if place is not None and place.exists() else Session(lab)
+    session.file = place
     if chosen.mcp:
         need("a server of the Model Context Protocol", "mcp")
         from segar.lab.mcp_server import make_server

@@ -15,7 +15,7 @@ LARGEST_INTEGER = 2**64  # in size; larger ones have no place in an array
 LONGEST_SHOWN = 60  # [characters] of a wrong value in a message
 
 
-def from_json(text: bytes, **hooks: Callable[..., Any]) -> Any:
+def from_json(text: bytes, **hooks: Any) -> Any:
     """The data in a JSON text; ``hooks`` are those of :func:`json.loads`.
 
     Raises:
