@@ -80,9 +80,8 @@ def component(noise: Noise, axis: int) -> Noise:
     if parts is not None:
         weights: Any = noise.weights  # type: ignore[attr-defined]
         return mix([(component(part, axis), w) for part, w in zip(parts, weights, strict=True) if w > 0])
-    pair = noise.components or getattr(noise, "marginals", None)
-    if pair is not None:
-        return pair[axis]
+    if noise.components is not None:
+        return noise.components[axis]
     values, masses = noise.atoms
     if abs(masses.sum() - 1) < 1e-9:
         return Choice(values[:, axis].tolist(), masses.tolist())

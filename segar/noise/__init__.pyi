@@ -1,6 +1,6 @@
 from . import locations
 from .base import Noise
-from .continuous import GaussianNoise, LogUniform, UniformNoise
+from .continuous import GaussianNoise, LogUniform, TruncatedGaussianNoise, UniformNoise
 from .discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical
 from .distances import as_noise as as_noise
 from .line_distances import ks_line as ks_line
@@ -22,7 +22,6 @@ from .locations import (
 )
 from .mixture import GaussianMixtureNoise, Mixture, MixtureNoise as MixtureNoise
 from .transforms import Affine
-from .truncated import TruncatedGaussianNoise
 from .wrapped import VonMises, Wrapped, wrap as wrap
 
 __all__ = [

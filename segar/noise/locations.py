@@ -26,17 +26,13 @@ GRID_QUANTILES = np.linspace(0.0, 1.0, 66)[1:-1]
 
 
 class PlaneNoise(Noise):
-    """A distribution on the plane that names its ``marginals``, the distributions of x and of y, which are independent."""
+    """A distribution on the plane with ``components``, the distributions of x and of y, which are independent."""
 
     width: ClassVar[int] = 2
-    marginals: tuple[Noise, Noise]
-
-    @property
-    def components(self) -> tuple[Noise, Noise] | None:
-        return self.marginals
+    components: tuple[Noise, Noise]  # type: ignore[assignment]
 
     def sample(self, rng: Any, size: Any = None) -> Any:
-        return np.stack([np.asarray(part.sample(rng, size), dtype=float) for part in self.marginals], axis=-1)
+        return np.stack([np.asarray(part.sample(rng, size), dtype=float) for part in self.components], axis=-1)
 
     def cdf(self, x: Any) -> Any:
         return self._each("cdf", x).prod(axis=-1)[()]
@@ -54,19 +50,19 @@ class PlaneNoise(Noise):
 
     @property
     def mean(self) -> np.ndarray:
-        return np.array([part.mean for part in self.marginals])
+        return np.array([part.mean for part in self.components])
 
     @property
     def var(self) -> np.ndarray:
-        return np.array([part.var for part in self.marginals])
+        return np.array([part.var for part in self.components])
 
     @property
     def support(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        return self.marginals[0].support, self.marginals[1].support
+        return self.components[0].support, self.components[1].support
 
     @property
     def atoms(self) -> tuple[np.ndarray, np.ndarray]:
-        (x, mass), (y, weight) = (part.atoms for part in self.marginals)
+        (x, mass), (y, weight) = (part.atoms for part in self.components)
         values = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
         return values, np.outer(mass, weight).ravel()
 
@@ -76,15 +72,15 @@ class PlaneNoise(Noise):
 
     @property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        x, y = (np.unique(np.append(part.pieces, part.icdf(GRID_QUANTILES))) for part in self.marginals)
+        x, y = (np.unique(np.append(part.pieces, part.icdf(GRID_QUANTILES))) for part in self.components)
         return x, y
 
     def entropy(self) -> float:
-        return sum(part.entropy() for part in self.marginals)
+        return sum(part.entropy() for part in self.components)
 
     def _each(self, what: str, x: Any) -> np.ndarray:
         x = points(self, x)
-        return np.stack([getattr(part, what)(x[..., i]) for i, part in enumerate(self.marginals)], axis=-1)
+        return np.stack([getattr(part, what)(x[..., i]) for i, part in enumerate(self.components)], axis=-1)
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,7 +104,7 @@ class Independent(PlaneNoise):
             object.__setattr__(self, name, part)
 
     @property
-    def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
         return self.x, self.y
 
 
@@ -139,7 +135,7 @@ class GaussianNoise2D(PlaneNoise):
         )
 
     @cached_property
-    def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
         x, y = (GaussianNoise(self.loc[i], math.sqrt(self.cov[i][i]), self.clip) for i in range(2))
         return x, y
 
@@ -156,7 +152,7 @@ class BoxLocation(PlaneNoise):
     y_range: ClassVar[tuple[float, float]]
 
     @cached_property
-    def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
         return UniformNoise(*self.x_range), UniformNoise(*self.y_range)
 
 
@@ -225,7 +221,7 @@ class CenterLocation(PlaneNoise):
     """The centre of the arena, (0, 0)."""
 
     @property
-    def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
         return Deterministic(0.0), Deterministic(0.0)
 
 
