@@ -15,7 +15,7 @@ from segar.errors import LevelError
 from segar.language import Entity, Factor
 from segar.levels import WITHOUT_EFFECT, Levels, checks, entity_types
 from segar.metrics.points import Spread, Units, shorter_way
-from segar.metrics.wasserstein import resampled
+from segar.metrics.wasserstein import Resampled, resampled
 from segar.support import Estimate, aligned, counted, emd
 
 BLOCKS = 10  # of situations, of which the jackknife leaves out one at a time
@@ -140,25 +140,15 @@ class DynamicsDistance:
 
 
 @dataclass(frozen=True)
-class DynamicsW2:
-    """The W2 distance between the rule sets of two level sets, with what it takes to read it.
+class DynamicsW2(Resampled):
+    """The W2 distance between the rule sets of two level sets, in standard deviations of the states.
 
     Attributes:
-        value: in standard deviations of the states. error: its standard error over situations, by the jackknife.
-        low, high: ``value`` -/+ 1.96 standard errors over bootstrap resamples of both sets of levels, cut off at 0; NaN where
-            a set has one level, or all resamples are as far apart.
-        floor: mean distance of two sets of the same sizes dealt at random from the rule sets of both.
-        p_value: share of such deals (the given one counted in) that are at least as far apart as ``value``.
-        resamples: of either kind. rule_sets: how many distinct ones each set has.
+        error: standard error of ``value`` over situations, by the jackknife.
+        rule_sets: how many distinct ones each set has.
     """
 
-    value: float
     error: float
-    low: float
-    high: float
-    floor: float
-    p_value: float
-    resamples: int
     rule_sets: tuple[int, int]
 
     def __str__(self) -> str:
@@ -250,9 +240,8 @@ def dynamics_w2(
         for k in range(len(blocks))
     ]
     return DynamicsW2(
-        **resampled(np.average(blocks, axis=0, weights=weights), n, rng, resamples)._asdict(),
+        **vars(resampled(np.average(blocks, axis=0, weights=weights), n, rng, resamples)),
         error=float(np.sqrt((len(without) - 1) * np.var(without))),
-        resamples=resamples,
         rule_sets=(len(x.values), len(y.values)),
     )
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -37,19 +37,19 @@ REFERENCE_ORDER: tuple[type[Factor], ...] = (
 
 
 @dataclass(frozen=True)
-class W2Report:
-    """A distance between level sets with what it takes to read it.
+class Resampled:
+    """A distance between sets of points, such as levels or rule sets, with what it takes to read it.
 
     Attributes:
-        value: the distance, as :func:`w2` returns it.
+        value: the distance.
         low, high: ``value`` -/+ 1.96 standard errors over bootstrap resamples of both sets of levels, cut off at 0. The
             resamples' own mean is no centre: resampled levels repeat, which moves the sets apart. NaN where a set has one
             level, or all resamples are as far apart, which says nothing of other levels.
-        floor: mean distance of two sets of the same sizes dealt at random from all levels of both: what the distance
+        floor: mean distance of two sets of the same sizes dealt at random from all points of both: what the distance
             would be if both were from one distribution.
         p_value: share of such deals (the given one counted in) that are at least as far apart as ``value``: the
             permutation test of equal distributions.
-        unseen: in what the sets differ that the distance does not see; see :func:`unseen_differences`.
+        resamples: of either kind.
     """
 
     value: float
@@ -57,8 +57,18 @@ class W2Report:
     high: float
     floor: float
     p_value: float
-    mode: Mode
     resamples: int
+
+
+@dataclass(frozen=True)
+class W2Report(Resampled):
+    """The distance of two level sets as :func:`w2` returns it, with the other attributes of :class:`Resampled`.
+
+    Attributes:
+        unseen: in what the sets differ that the distance does not see; see :func:`unseen_differences`.
+    """
+
+    mode: Mode
     unseen: tuple[str, ...] = ()
 
 
@@ -163,19 +173,7 @@ def w2_report(
     unseen = warn_of_unseen("w2_report", a, b, mode, factors, scale)
     between = cost(a, b)
     pooled = np.block([[cost(a, a), between], [cost(b, a), cost(b, b)]])
-    return W2Report(
-        **resampled(pooled, len(a), rng, resamples)._asdict(), mode=mode, resamples=resamples, unseen=unseen
-    )
-
-
-class Resampled(NamedTuple):
-    """A distance with its interval, floor and p-value; see :class:`W2Report`."""
-
-    value: float
-    low: float
-    high: float
-    floor: float
-    p_value: float
+    return W2Report(**vars(resampled(pooled, len(a), rng, resamples)), mode=mode, unseen=unseen)
 
 
 def resampled(pooled: np.ndarray, n: int, rng: np.random.Generator, resamples: int) -> Resampled:
@@ -198,7 +196,8 @@ def resampled(pooled: np.ndarray, n: int, rng: np.random.Generator, resamples: i
         deal = rng.permutation(n + m)
         dealt.append(np.sqrt(emd(pooled[np.ix_(deal[:n], deal[n:])])))
     p_value = float((1 + sum(d >= (1 - SAME) * value for d in dealt)) / (1 + resamples))
-    return Resampled(value, float(np.maximum(value - margin, 0.0)), value + margin, float(np.mean(dealt)), p_value)
+    low = float(np.maximum(value - margin, 0.0))
+    return Resampled(value, low, value + margin, float(np.mean(dealt)), p_value, resamples)
 
 
 def cost_function(
