@@ -7,10 +7,9 @@ from .dynamics import (
     rule_set_distances,
     squared_distances as squared_distances,
 )
-from .entropy_estimate import sample_entropy
 from .kolmogorov import dkw_band as dkw_band, ks, ks_by_factor, ks_report
 from .level_design import design
-from .level_vectors import embed as embed, mmd_test
+from .level_vectors import embed as embed, mmd_test, w2_sliced
 from .marginal_distributions import (
     component as component,
     factor_distribution as factor_distribution,
@@ -18,8 +17,7 @@ from .marginal_distributions import (
 )
 from .matched_sets import matched_set
 from .points import Spread as Spread, relevant_factors as relevant_factors, spread
-from .representative_sets import coverage, effective_number
-from .sliced import w2_sliced
+from .representative_sets import coverage, effective_number, sample_entropy
 from .unseen import unseen_differences
 from .visual import clustering_w2 as clustering_w2, visual_distance, visual_w2
 from .w2_parts import decompose, w2_debiased
