@@ -7,7 +7,7 @@ from .dynamics import (
     rule_set_distances,
     squared_distances as squared_distances,
 )
-from .kolmogorov import dkw_band as dkw_band, ks, ks_by_factor, ks_report
+from .kolmogorov import ks, ks_by_factor, ks_report
 from .level_design import design
 from .level_vectors import embed as embed, mmd_test, w2_sliced
 from .marginal_distributions import (
@@ -19,7 +19,7 @@ from .matched_sets import matched_set
 from .points import Spread as Spread, relevant_factors as relevant_factors, spread
 from .representative_sets import coverage, effective_number, sample_entropy
 from .unseen import unseen_differences
-from .visual import clustering_w2 as clustering_w2, visual_distance, visual_w2
+from .visual import visual_distance, visual_w2
 from .w2_parts import decompose, w2_debiased
 from .wasserstein import MISMATCH as MISMATCH, cost_matrix, w2, w2_report
 

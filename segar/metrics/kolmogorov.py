@@ -154,12 +154,7 @@ def dkw_band(n: int) -> float:
     """Half width of the 95 % band around an empirical distribution function that contains the true one at all x at once.
 
     sqrt(ln(2 / 0.05) / 2n), for n independent values of any distribution (Massart 1990).
-
-    Raises:
-        LevelError: n is below 1.
     """
-    if not n >= 1:
-        raise LevelError(f"dkw_band needs at least 1 value, not {n}")
     return float(np.sqrt(np.log(40) / (2 * n)))
 
 

@@ -120,14 +120,7 @@ def cluster_costs(a: FilterClusters, b: FilterClusters) -> np.ndarray:
     """Squared Wasserstein-2 distances between the clusters of a and those of b, as sets of filters, ``[cluster, cluster]``.
 
     The squared distance of two filters is the mean over their pixels and channels, so that it is 2 for unlike ones.
-
-    Raises:
-        SegarError: filters have different sizes.
     """
-    if a.filters.shape[1:] != b.filters.shape[1:]:
-        raise SegarError(
-            f"filters of {a.filters.shape[1]} pixels cannot be compared with filters of {b.filters.shape[1]} pixels"
-        )
     per_pixel = a.filters[0].size
     points_a, points_b = (c.filters.reshape(len(c.filters), -1) for c in (a, b))
     between = scipy.spatial.distance.cdist(points_a, points_b, "sqeuclidean") / per_pixel
@@ -137,13 +130,7 @@ def cluster_costs(a: FilterClusters, b: FilterClusters) -> np.ndarray:
 
 
 def aligned(clusters: FilterClusters, baseline: FilterClusters) -> FilterClusters:
-    """The clusters in the order in which they are nearest to those of ``baseline``, by assignment (the Hungarian method).
-
-    Raises:
-        SegarError: there are not as many of them, or filters have different sizes.
-    """
-    if clusters.count != baseline.count:
-        raise SegarError(f"{clusters.count} clusters cannot be aligned to {baseline.count}")
+    """The clusters in the order in which they are nearest to as many of ``baseline``, by assignment (the Hungarian method)."""
     _, order = scipy.optimize.linear_sum_assignment(cluster_costs(baseline, clusters))
     return clusters.reordered(order)
 

@@ -3,14 +3,15 @@
 Textures are measured on values of the inputs that are drawn from a product of marginals.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
 from segar.noise import DiscreteRangeNoise, Noise, UniformNoise
-from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise
+from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise, name_of_input
+from segar.textures.texture_sets import TextureSet
 
 Laws = Mapping[str, Noise]
 
@@ -42,6 +43,8 @@ INPUTS = (
 # The feature 0 of these is their default, so that a thing whose mass is hidden looks like one of 1 kg.
 CENTRED = {"Mass": 1.0, "Density": 1.0}
 
+SAMPLES = 8000  # of a read-out
+
 
 def product_of_marginals(inputs: Sequence[str], n: int, rng: np.random.Generator, laws: Laws = UNIFORM) -> np.ndarray:
     """Values of n things, float64 ``[n, input]``, each input drawn independently of the others.
@@ -55,19 +58,15 @@ def product_of_marginals(inputs: Sequence[str], n: int, rng: np.random.Generator
     Raises:
         SegarError: there is no distribution for an input.
     """
+    require_laws(inputs, laws)
     drawn: list[Any] = []
     for name in inputs:
         if name == BACKGROUND:
             drawn.append(np.zeros(n))
         elif is_noise(name):
             drawn.append(np.clip(rng.standard_normal(n), -NOISE_CLIP, NOISE_CLIP))
-        elif name in laws:
-            drawn.append(np.asarray(laws[name].sample(rng, n), dtype=float))
         else:
-            raise SegarError(
-                f"no distribution is given for the input '{name}'; give laws=UNIFORM | {{'{name}': UniformNoise(...)}}."
-                f"{did_you_mean(name, laws)}"
-            )
+            drawn.append(np.asarray(laws[name].sample(rng, n), dtype=float))
     return np.stack(drawn, axis=-1)
 
 
@@ -77,8 +76,59 @@ def units(inputs: Sequence[str] = INPUTS, laws: Laws = UNIFORM) -> tuple[np.ndar
     Raises:
         SegarError: there is no distribution for an input.
     """
-    for name in inputs:
-        if name not in laws and name != BACKGROUND and not is_noise(name):
-            raise SegarError(f"no distribution says how much the input '{name}' varies; known: {', '.join(laws)}")
+    require_laws(inputs, laws)
     spreads = [float(laws[name].var) ** 0.5 if name in laws else 1.0 for name in inputs]
     return np.array([CENTRED.get(name, 0.0) for name in inputs]), 1.0 / np.array(spreads)
+
+
+def require_laws(inputs: Sequence[str], laws: Laws) -> None:
+    """Raise :class:`SegarError` for an input without a distribution that is neither background nor noise."""
+    for name in inputs:
+        if name not in laws and name != BACKGROUND and not is_noise(name):
+            raise SegarError(
+                f"no distribution says how much the input '{name}' varies; give laws=UNIFORM | {{'{name}':"
+                f" UniformNoise(...)}}.{did_you_mean(name, laws)}"
+            )
+
+
+def linear_read_out(
+    textures: TextureSet,
+    model: int = 0,
+    *,
+    rng: np.random.Generator,
+    laws: Laws = UNIFORM,
+    hidden: Iterable[Any] = (),
+    samples: int = SAMPLES,
+) -> dict[str, float]:
+    """R^2 of each input that varies, read from the uint8 pixels of a texture by a linear map, on held-out things.
+
+    The map is fitted by least squares to one half of the samples from the product of marginals, and 1 - (mean squared
+    error) / (variance) is taken on the other half. It can be below 0. Where the name of an input varies but it is
+    hidden, its value varies and the texture does not.
+
+    Args:
+        laws: the distributions of the values, see :func:`segar.textures.standard.product_of_marginals`.
+        hidden: inputs that enter as 0, classes or names.
+        samples: how many things are drawn.
+
+    Raises:
+        SegarError: something hidden is not an input, there is no distribution for an input, or there are too few samples.
+    """
+    room = 3 * textures.period**2 + 1
+    if samples < 4 * room:
+        raise SegarError(
+            f"a read-out of {room - 1} numbers per texture needs at least {4 * room} samples, not {samples}"
+        )
+    values = product_of_marginals(textures.inputs, samples, rng, laws)
+    features = textures.features(values)
+    for name in map(name_of_input, hidden):
+        if name not in textures.inputs:
+            raise SegarError(f"'{name}' is no input of {textures!r}.{did_you_mean(name, textures.inputs)}")
+        features[:, textures.inputs.index(name)] = 0.0
+    pixels = textures.patches(features, model).reshape(samples, -1) / 255.0
+    shown = np.concatenate([pixels, np.ones((samples, 1))], axis=1)
+    half = samples // 2
+    weights = np.linalg.lstsq(shown[:half], values[:half], rcond=None)[0]
+    error = ((values[half:] - shown[half:] @ weights) ** 2).mean(0)
+    variance = values[half:].var(0)
+    return {n: float(1 - e / v) for n, e, v in zip(textures.inputs, error, variance, strict=True) if v > 0}

@@ -21,9 +21,9 @@ from segar import (
     UniformNoise,
 )
 from segar.errors import LevelError
-from segar.metrics import dkw_band, ks, ks_by_factor, ks_report
+from segar.metrics import ks, ks_by_factor, ks_report
 from segar.metrics.distribution_functions import factor_marginals
-from segar.metrics.kolmogorov import joint_difference
+from segar.metrics.kolmogorov import dkw_band, joint_difference
 from segar.metrics.marginal_distributions import component, count_distribution
 from segar.noise import Independent
 
