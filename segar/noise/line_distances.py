@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 
 from segar.noise.base import NODES, ROUNDING, Noise, quadrature, quantile_bends, quantile_nodes
 from segar.noise.discrete import DiscreteNoise
@@ -17,8 +18,7 @@ KS_TOLERANCE = 1e-6  # to which the Kolmogorov-Smirnov distance is bounded
 KS_CELLS = 200_000  # that are looked at, at most, to bound it
 BISECTIONS = 60  # of a cell, at most, to bound it
 TABLE = 2048  # quantiles from which the best place to cut two circles is found roughly
-GOLDEN_STEPS = 60  # to 1e-12 of a turn
-FINE_STEPS = 28  # around what the tables say: to 1e-8 of a turn
+TURN_TOLERANCE = 1e-9  # of a turn, to which the best place to cut is searched
 SEARCH_NODES = 6  # of quadrature per piece while searching
 
 
@@ -105,11 +105,11 @@ def w2_on_circle(a: Noise, b: Noise, period: float) -> Estimate:
         apart = x[:, None] - y
         return Estimate(math.sqrt(emd((apart - period * np.rint(apart / period)) ** 2, p, q)))
     a, b = (_within_a_turn(one, period) for one in (a, b))
-    near = _least(_tabulated(a, b, period), -1.5, 1.5, GOLDEN_STEPS)
+    near = _least(_tabulated(a, b, period), -1.5, 1.5)
     reach, shift = 2 / TABLE, math.inf
     while abs(shift - near) > 0.9 * reach:  # the minimum lies outside of what was searched
         reach *= 4
-        shift = _least(lambda cut: _square(a, b, period, cut, SEARCH_NODES), near - reach, near + reach, FINE_STEPS)
+        shift = _least(lambda cut: _square(a, b, period, cut, SEARCH_NODES), near - reach, near + reach)
     # For distributions that are alike the best shift is exactly 0: beside it, a tiny weight goes round the whole circle.
     shift = min((shift, float(round(shift))), key=lambda cut: _square(a, b, period, cut, SEARCH_NODES))
     fine, coarse = (math.sqrt(_square(a, b, period, shift, nodes)) for nodes in (NODES, NODES // 2))
@@ -122,21 +122,10 @@ def _within_a_turn(distribution: Noise, period: float) -> Noise:
     return distribution if high - low <= period * (1 + 1e-12) else Wrapped(distribution, period)
 
 
-def _least(f: Callable[[float], float], low: float, high: float, steps: int) -> float:
-    """Where a convex function is least, by golden sections."""
-    ratio = (math.sqrt(5) - 1) / 2
-    left, right = high - ratio * (high - low), low + ratio * (high - low)
-    at_left, at_right = f(left), f(right)
-    for _ in range(steps):
-        if at_left < at_right:
-            high, right, at_right = right, left, at_left
-            left = high - ratio * (high - low)
-            at_left = f(left)
-        else:
-            low, left, at_left = left, right, at_right
-            right = low + ratio * (high - low)
-            at_right = f(right)
-    return left if at_left < at_right else right
+def _least(f: Callable[[float], float], low: float, high: float) -> float:
+    """Where a convex function is least."""
+    options = {"xatol": TURN_TOLERANCE}
+    return float(scipy.optimize.minimize_scalar(f, bounds=(low, high), method="bounded", options=options).x)
 
 
 def _tabulated(a: Noise, b: Noise, period: float) -> Callable[[float], float]:
