@@ -94,21 +94,16 @@ def _refusal(
 
 def state_of(generator: Any) -> bytes:
     """The state of a generator, for comparison and for :func:`restore`."""
-    if isinstance(generator, np.random.BitGenerator):
-        return pickle.dumps(generator.state)
-    if isinstance(generator, np.random.RandomState):
-        return pickle.dumps(generator.get_state(legacy=False))
-    return pickle.dumps(generator.getstate())
+    is_bits = isinstance(generator, np.random.BitGenerator)
+    return pickle.dumps(generator.state if is_bits else generator.__getstate__())
 
 
 def restore(generator: Any, state: bytes) -> None:
     """Puts a generator into a state that :func:`state_of` gave."""
     if isinstance(generator, np.random.BitGenerator):
         generator.state = pickle.loads(state)
-    elif isinstance(generator, np.random.RandomState):
-        generator.set_state(pickle.loads(state))
     else:
-        generator.setstate(pickle.loads(state))
+        generator.__setstate__(pickle.loads(state))
 
 
 def _reached(one: Any) -> Iterable[Any]:
