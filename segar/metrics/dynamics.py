@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from scipy.spatial.distance import cdist, pdist, squareform
 
 from segar.errors import LevelError
 from segar.language import Entity, Factor
 from segar.levels import WITHOUT_EFFECT, Levels, checks, entity_types
 from segar.metrics.points import Spread, Units, shorter_way
+from segar.metrics.transport import squares_between
 from segar.metrics.wasserstein import Resampled, resampled
 from segar.support import Estimate, aligned, counted, emd
 
@@ -287,18 +287,10 @@ def squared_distances(x: Outcomes, y: Outcomes, blocks: int) -> np.ndarray:
         one, other = (each.values[:, part].reshape(len(each.values), -1) for each in (x, y))
         differs = (one != one[0]).any(axis=0) | (other != one[0]).any(axis=0)  # few numbers do, and the others add 0
         periods = np.broadcast_to(x.readings.periods[part][:, None, None], x.values[0, part].shape).reshape(-1)[differs]
-        one, other = one[:, differs], other[:, differs]
-        circular = np.isfinite(periods)
-        total = _squared_distances(one[:, ~circular], None if x is y else other[:, ~circular])
-        for k in np.flatnonzero(circular):
-            total += shorter_way((one[:, k, None] - other[None, :, k])[..., None], periods[k : k + 1])[..., 0] ** 2
-        found.append(total / (len(part) * plays * horizons))
+        one = one[:, differs]
+        squares = squares_between(one, one if x is y else other[:, differs], periods)
+        found.append(squares / (len(part) * plays * horizons))
     return np.stack(found)
-
-
-def _squared_distances(x: np.ndarray, y: np.ndarray | None) -> np.ndarray:
-    """Between the rows of ``x`` and those of ``y``, or of ``x`` where that is None, in half the time."""
-    return squareform(pdist(x, "sqeuclidean")) if y is None else cdist(x, y, "sqeuclidean")
 
 
 def _blocks(x: Outcomes, blocks: int) -> list[np.ndarray]:

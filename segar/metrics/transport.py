@@ -6,6 +6,7 @@ from itertools import permutations
 
 import numpy as np
 import scipy
+from scipy.spatial.distance import cdist, pdist, squareform
 
 from segar.levels import PointSets
 from segar.metrics.points import shorter_way
@@ -63,7 +64,7 @@ def sliced_costs(a: PointSets, b: PointSets, projections: np.ndarray, absent: fl
         weights = np.sqrt(widths / projections.shape[1])[:, None]
         sorted_x = np.sort(x @ projections, axis=1)[:, rows] * weights
         sorted_y = np.sort(y @ projections, axis=1)[:, columns] * weights
-        return scipy.spatial.distance.cdist(sorted_x.reshape(len(x), -1), sorted_y.reshape(len(y), -1), "sqeuclidean")
+        return cdist(sorted_x.reshape(len(x), -1), sorted_y.reshape(len(y), -1), "sqeuclidean")
 
     return _pair_costs(a, b, cost, absent)
 
@@ -99,13 +100,22 @@ def _squared_distances(points_a: np.ndarray, points_b: np.ndarray, periods: np.n
     """``|x - y|^2`` for all pairs of levels and of their points, float64 ``[n, m, points of a, points of b]``; the shorter
     way round in components that have a period."""
     (n, k, d), (m, j, _) = points_a.shape, points_b.shape
-    x, y = points_a.reshape(n * k, d), points_b.reshape(m * j, d)
-    straight = np.ones(d, bool) if periods is None else np.isinf(periods)
-    flat = scipy.spatial.distance.cdist(x[:, straight], y[:, straight], "sqeuclidean")
-    for c in np.flatnonzero(~straight):
-        assert periods is not None
-        flat += shorter_way((x[:, None, c] - y[None, :, c])[..., None], periods[c : c + 1])[..., 0] ** 2
+    flat = squares_between(points_a.reshape(n * k, d), points_b.reshape(m * j, d), periods)
     return flat.reshape(n, k, m, j).transpose(0, 2, 1, 3)
+
+
+def squares_between(x: np.ndarray, y: np.ndarray, periods: np.ndarray | None) -> np.ndarray:
+    """``|x - y|^2`` for all rows of two arrays, float64 ``[n, m]``; the shorter way round in columns that have a period, and
+    half the work where both are one array."""
+    periods = np.full(x.shape[1], np.inf) if periods is None else periods
+    straight = np.isinf(periods)
+    if x is y:
+        squares = squareform(pdist(x[:, straight], "sqeuclidean"))
+    else:
+        squares = cdist(x[:, straight], y[:, straight], "sqeuclidean")
+    for c in np.flatnonzero(~straight):
+        squares += shorter_way((x[:, c, None] - y[None, :, c])[..., None], periods[c : c + 1])[..., 0] ** 2
+    return squares
 
 
 def _best_matchings(pairs: np.ndarray) -> np.ndarray:

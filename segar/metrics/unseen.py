@@ -1,9 +1,7 @@
 """What a distance does not see: in what level sets differ that it leaves out."""
 
-import sys
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import scipy
@@ -30,7 +28,6 @@ SIGNIFICANT = 1e-3  # two-sample test below which values speak against one distr
 # Differences of a mean, and of a spread, in spreads: beyond what a sample of 2000 levels makes by chance.
 MATERIAL = 0.2
 STAND_IN = 200  # levels that stand for a distribution
-SEGAR = Path(__file__).resolve().parents[1]
 
 
 def unseen_differences(
@@ -105,17 +102,9 @@ def warn_of_unseen(
             f"{what}{of_mode} does not see that the level sets differ in {len(found)} respect{'s'[: len(found) > 1]}: "
             + ". ".join(found),
             UnseenDifferenceWarning,
-            stacklevel=_caller(),
+            stacklevel=3,  # who called the measure
         )
     return found
-
-
-def _caller() -> int:
-    """The ``stacklevel`` of the first caller outside of this package."""
-    frame, level = sys._getframe(1), 1
-    while frame.f_back is not None and SEGAR in Path(frame.f_code.co_filename).parents:
-        frame, level = frame.f_back, level + 1
-    return level
 
 
 def _levels(one: Levels | LevelDistribution) -> Levels:

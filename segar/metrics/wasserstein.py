@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -266,7 +265,6 @@ def reference_factors(entity: type[Entity]) -> tuple[type[Factor], ...]:
     return (*(f for f in REFERENCE_ORDER if f in numeric), *(f for f in numeric if f not in REFERENCE_ORDER))
 
 
-@lru_cache(maxsize=64)
 def reference_projections(dimension: int) -> np.ndarray:
     """The directions that POT's ``sliced_wasserstein_distance(seed=0)`` draws, float64 ``[dimension, 50]``."""
     return pot().sliced.get_random_projections(dimension, REFERENCE_PROJECTIONS, seed=REFERENCE_SEED)
