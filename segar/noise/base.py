@@ -26,9 +26,10 @@ PLANE_NODES = 8  # of quadrature per cell and axis of a grid on the plane
 BISECTIONS = 60  # of a piece, to find a quantile: exact to rounding
 LAST_QUANTILE = 1 - 2.0**-53  # largest probability below one: the quantile of one may be infinite
 ROUNDING = 1e-13  # of sums of masses
+KS_TOLERANCE = 1e-6  # to which the Kolmogorov-Smirnov distance is bounded
 MISSING_MASS = 1e-6  # that quadrature may miss before a distribution counts as having mass on lines
 
-DISTANCES: dict[str, Callable[[Noise, Any], Any]] = {}
+DISTANCES: dict[str, Callable[..., Estimate]] = {}
 """Name of a distance to the function of two distributions that computes it.
 
 A distance of two distributions depends on the classes of both, and these classes inherit from :class:`Noise`. So this
@@ -169,11 +170,11 @@ class Noise(ABC):
     def ks(self, other: Any) -> float:
         """Kolmogorov-Smirnov distance to another distribution or to a constant: the largest difference of the two
         ``cdf``; on the circle Kuiper's (1960), the largest difference of the masses of an arc."""
-        return DISTANCES["ks"](self, other)
+        return DISTANCES["ks_estimate"](self, other, np.inf).value
 
     def ks_estimate(self, other: Any) -> Estimate:
         """``ks(other)`` with a bound of its error; see :mod:`segar.noise.distances`."""
-        return DISTANCES["ks_estimate"](self, other)
+        return DISTANCES["ks_estimate"](self, other, KS_TOLERANCE)
 
     def __repr__(self) -> str:
         fields = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()

@@ -15,7 +15,7 @@ from segar.errors import PriorError
 from segar.noise.base import DISTANCES, Noise, check_width
 from segar.noise.continuous import GaussianNoise, UniformNoise
 from segar.noise.discrete import Deterministic, DiscreteNoise
-from segar.noise.line_distances import ATOM_PAIRS, greatest_difference, ks_line, supremum, w2_line, w2_on_circle
+from segar.noise.line_distances import ATOM_PAIRS, supremum, w2_line, w2_on_circle
 from segar.noise.mixture import MixtureNoise
 from segar.noise.transforms import Affine
 from segar.noise.wrapped import Wrapped
@@ -48,8 +48,9 @@ def w2_estimate(a: Noise, other: Any) -> Estimate:
     return w2_plane(a, b) if a.width == 2 else w2_line(a, b)
 
 
-def ks(a: Noise, other: Any) -> float:
-    """The supremum of ``|a.cdf - b.cdf|``, on the line or on the plane.
+def ks_estimate(a: Noise, other: Any, tolerance: float) -> Estimate:
+    """The supremum of ``|a.cdf - b.cdf|``, on the line or on the plane, and a bound of its error, which is at most the
+    tolerance but on the plane and where the difference is flat.
 
     On the circle Kuiper's distance: the largest difference of the masses of an arc, wherever the circle is cut.
     """
@@ -58,27 +59,15 @@ def ks(a: Noise, other: Any) -> float:
     if a.width == 2:
         return ks_plane(a, b)
     if period is None:
-        return ks_line(a, b)
-    a, b = Wrapped(a, period), Wrapped(b, period)
-    return greatest_difference(a, b) + greatest_difference(b, a)
-
-
-def ks_estimate(a: Noise, other: Any) -> Estimate:
-    """``ks`` and a bound of its error, at most 1e-6 on the line and on the circle unless the difference is flat."""
-    b = as_noise(other)
-    period = _period(a, b)
-    if a.width == 2:
-        return ks_plane_estimate(a, b)
-    if period is None:
-        sides = supremum(a, b), supremum(b, a)
+        sides = supremum(a, b, tolerance), supremum(b, a, tolerance)
         value = max(side.value for side in sides)
         return Estimate(value, max(side.value + side.error for side in sides) - value)
     a, b = Wrapped(a, period), Wrapped(b, period)
-    above, below = supremum(a, b), supremum(b, a)
+    above, below = supremum(a, b, tolerance), supremum(b, a, tolerance)
     return Estimate(above.value + below.value, above.error + below.error)
 
 
-DISTANCES.update(w2_estimate=w2_estimate, ks=ks, ks_estimate=ks_estimate)
+DISTANCES.update(w2_estimate=w2_estimate, ks_estimate=ks_estimate)
 
 
 def _period(a: Noise, b: Noise) -> float | None:
@@ -145,22 +134,15 @@ def w2_plane(a: Noise, b: Noise) -> Estimate:
     return Estimate(_transport(x, p, y, q), moved + also_moved)
 
 
-def ks_plane(a: Noise, b: Noise) -> float:
-    """The largest difference on the grid of both distributions' break points; exact where they are boxes and atoms."""
-    grid = []
-    for axis in range(2):
-        points = np.concatenate([one.grid[axis] for one in (a, b)])
-        grid.append(np.unique(np.concatenate([points, np.nextafter(points, -np.inf)])))
-    x = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1)
-    return float(np.abs(a.cdf(x) - b.cdf(x)).max())
-
-
-def ks_plane_estimate(a: Noise, b: Noise) -> Estimate:
-    """``ks_plane``, and a bound of how much the difference exceeds it between the points of the grid."""
-    value = ks_plane(a, b)
+def ks_plane(a: Noise, b: Noise) -> Estimate:
+    """The largest difference on the grid of both distributions' break points, exact where they are boxes and atoms; and a
+    bound of how much the difference exceeds it between the points of the grid."""
+    lines = [np.unique(np.concatenate([one.grid[axis] for one in (a, b)])) for axis in range(2)]
+    both_sides = [np.unique(np.concatenate([line, np.nextafter(line, -np.inf)])) for line in lines]
+    x = np.stack(np.meshgrid(*both_sides, indexing="ij"), axis=-1)
+    value = float(np.abs(a.cdf(x) - b.cdf(x)).max())
     if _is_made_of_boxes(a) and _is_made_of_boxes(b):
         return Estimate(value)
-    lines = [np.unique(np.concatenate([one.grid[axis] for one in (a, b)])) for axis in range(2)]
     x, y = ([-np.inf, *line, np.inf] for line in lines)
     first, second = (one.cdf(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)) for one in (a, b))
     bound = np.maximum(first[1:, 1:] - second[:-1, :-1], second[1:, 1:] - first[:-1, :-1])

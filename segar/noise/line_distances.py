@@ -14,7 +14,6 @@ from segar.support import Estimate, emd
 ATOM_PAIRS = 4_000_000  # between which transport is solved exactly
 KS_GRID = 512  # points per distribution where the difference of two distribution functions is looked at first
 KS_REFINEMENTS = 40  # golden-section steps around the best of them
-KS_TOLERANCE = 1e-6  # to which the Kolmogorov-Smirnov distance is bounded
 KS_CELLS = 200_000  # that are looked at, at most, to bound it
 BISECTIONS = 60  # of a cell, at most, to bound it
 TABLE = 2048  # quantiles from which the best place to cut two circles is found roughly
@@ -46,7 +45,7 @@ def greatest_difference(a: Noise, b: Noise) -> float:
     return max(float(gap[best]), _golden_maximum(lambda t: float(a.cdf(t) - b.cdf(t)), low, high), 0.0)
 
 
-def supremum(a: Noise, b: Noise, tolerance: float = KS_TOLERANCE) -> Estimate:
+def supremum(a: Noise, b: Noise, tolerance: float) -> Estimate:
     """The supremum of ``a.cdf - b.cdf`` on the line, with a bound of its error.
 
     Distribution functions rise, so between two points their difference is at most a's value on the right minus b's on
