@@ -9,7 +9,7 @@ An entity type is a class whose annotations name its factors; a class inherits i
 # pyright: reportAssignmentType=false
 import inspect
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from segar.errors import FactorError
@@ -235,9 +235,6 @@ class ThingFactory:
             raise FactorError(f"ThingFactory: probabilities must be positive and sum to 1, not {weights}")
         self.types: tuple[type[Thing], ...] = tuple(names)
         self.probabilities: tuple[float, ...] = tuple(float(w) for w in weights)
-
-    def __iter__(self) -> Iterator[type[Thing]]:
-        return iter(self.types)
 
     def __repr__(self) -> str:
         members = zip(self.types, self.probabilities, strict=True)

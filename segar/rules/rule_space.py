@@ -7,7 +7,6 @@ sets as it has environments.
 import copy
 from collections.abc import Collection, Sequence
 from functools import cached_property
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -97,12 +96,6 @@ class RuleSpace:
     def parameters(self) -> tuple[type[Parameter], ...]:
         """The world parameters that the space draws: whether each option is active, then the constants."""
         return (*(option.active for option in self.options), *self.laws)
-
-    @property
-    def rule_sets(self) -> int:
-        """How many distinct rule sets there are; a constant with a density counts as one value."""
-        values = [prod(_values(self.laws[p]) for p in option.constants) for option in self.options]
-        return int(np.where(self.combinations.active, np.array(values, dtype=object), 1).prod(axis=1).sum())
 
     def index(self, name: str) -> int:
         """The place of the option of that name; raises :class:`RuleError`."""
@@ -275,10 +268,9 @@ class RuleSpace:
     def _restricted(self, table: Combinations, laws: dict[type[Parameter], Noise], name: list[Any]) -> "RuleSpace":
         part = copy.copy(self)
         part.combinations, part.laws, part.splits = table, laws, (*self.splits, name)
-        part.__dict__.pop("_constants", None)
         return part
 
-    @cached_property
+    @property
     def _constants(self) -> tuple[tuple[type[Parameter], Noise, int], ...]:
         """Each constant, its distribution, and the place of its option."""
         owners = {p: k for k, option in enumerate(self.options) for p in option.constants}
@@ -346,12 +338,6 @@ def _count(active: Any, options: int) -> Noise:
     if values.max() > options:
         raise RuleError(f"{int(values.max())} options cannot be active: the rule space has {options}")
     return count
-
-
-def _values(law: Noise) -> int:
-    """How many values a constant has; 1 where it has a density."""
-    values, masses = law.atoms
-    return len(values) if abs(masses.sum() - 1) < 1e-9 else 1
 
 
 def _halves(parameter: type[Parameter], law: Noise, at: float) -> tuple[Noise, Noise] | None:

@@ -92,10 +92,6 @@ class TextureSet:
         inputs = counted(len(self.inputs), "input")
         return f"<textures '{self.name}': {counted(len(self), 'model')}, {inputs}, period {self.period}>"
 
-    def shows(self, factor: Any) -> bool:
-        """Whether the factor or entity type (a class or its name) is among the inputs."""
-        return name_of_input(factor) in self.inputs
-
     def values(self, entity: Entity) -> np.ndarray:
         """Values of the inputs for an entity such as ``GolfBall({Mass: 2.0})``, float64 ``[input]``; nan: it lacks that."""
         return entity_values(self.inputs, entity)

@@ -88,7 +88,6 @@ def test_there_are_as_many_combinations_as_there_are_subsets(options):
     space = RuleSpace([uniform_field(f"field{k}") for k in range(options)], DiscreteRangeNoise(0, 4))
     assert len(space.combinations) == sum(comb(options, k) for k in range(5))
     assert space.combinations.probability.sum() == pytest.approx(1)
-    assert space.rule_sets == sum(comb(options, k) * 16**k for k in range(5))
 
 
 def test_exclusive_options_are_never_active_together():
@@ -399,7 +398,7 @@ def test_every_two_options_of_the_built_in_space_meet_unless_they_exclude_each_o
     apart = {frozenset(space.names[k] for k in group) for group in space.exclusive}
     meet = space.combinations.together
     found = {frozenset((a, b)) for a, b in combinations(space.names, 2) if not meet[space.index(a), space.index(b)]}
-    assert found == apart and space.rule_sets > 1_000_000
+    assert found == apart
 
 
 def test_laws_to_be_found_are_none_that_training_has():

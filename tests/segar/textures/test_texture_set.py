@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Friction, GoalTile, GolfBall, Mass
+from segar import GoalTile, GolfBall, Mass
 from segar.language import Heat
 from segar.textures import TextureSet
 
@@ -28,8 +28,6 @@ def a_set(models: int = 2, period: int = 3, **changes) -> TextureSet:
 def test_inputs_given_as_classes_are_known_by_their_names():
     textures = a_set()
     assert textures.inputs == ("background", "Heat", "Charge", "GoalTile", "noise_1")
-    assert textures.shows(Heat) and textures.shows("Charge") and textures.shows(GoalTile)
-    assert not textures.shows(Friction)
 
 
 def test_a_patch_is_the_formula_pixel_by_pixel():
