@@ -10,7 +10,7 @@ from scipy import stats
 import segar.noise as sn
 from segar.language.shapes import convex_hulls, gaussian_mass, hull_log_density, polygon_areas
 from segar.levels.sampling.draws import pad_hulls
-from segar.noise.line_distances import w2_line
+from segar.noise.distances import w2_line
 
 SMOOTH = [
     sn.GaussianNoise(0.0, 1.0),
