@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, fraction, moments, set_fields
+from segar.noise.base import Noise, fraction, set_fields
 from segar.noise.checks import finite, interval
 
 SIGMAS = 10  # a Gaussian is integrated this far to either side: beyond lies a mass of 1e-23
@@ -23,17 +23,6 @@ class GaussianBetween(Noise):
 
     loc: float
     std: float
-
-    _moments: tuple[float, float]
-    """Mean and variance of (x - loc) / std."""
-
-    @property
-    def mean(self) -> float:
-        return self.loc + self.std * self._moments[0]
-
-    @property
-    def var(self) -> float:
-        return self.std**2 * self._moments[1]
 
     @property
     def _z(self) -> tuple[float, float]:
@@ -84,6 +73,14 @@ class GaussianNoise(GaussianBetween):
         return np.clip(self.loc + self.std * scipy.special.ndtri(np.asarray(q, dtype=float)), *self.support)[()]
 
     @property
+    def mean(self) -> float:
+        return self.loc + self.std * self._moments[0]
+
+    @property
+    def var(self) -> float:
+        return self.std**2 * self._moments[1]
+
+    @property
     def support(self) -> tuple[float, float]:
         return self.clip or (-math.inf, math.inf)
 
@@ -117,7 +114,8 @@ class GaussianNoise(GaussianBetween):
         return inside, float(gauss(a) - gauss(b)), inside - edge[1] + edge[0]
 
     @cached_property
-    def _moments(self) -> tuple[float, float]:  # type: ignore[override]
+    def _moments(self) -> tuple[float, float]:
+        """Mean and variance of (x - loc) / std."""
         _, first, second = self._inside
         z = (self.atoms[0] - self.loc) / self.std
         mean = first + float(z @ self.atoms[1])
@@ -180,25 +178,10 @@ class TruncatedGaussianNoise(GaussianBetween):
             first = max(low, high - min(SIGMAS, -TAIL / high))
         return np.clip(self.loc + self.std * np.linspace(first, last, PANELS + 1), *self.truncate)
 
-    def entropy(self) -> float:
-        mean, var = self._moments
-        return math.log(self.std * math.sqrt(2 * math.pi)) + math.log(self._mass) + (var + mean**2) / 2
-
     @cached_property
     def _mass(self) -> float:
         """Mass of the whole Gaussian between the ends."""
         return float(self._mass_between(*self._z))
-
-    @cached_property
-    def _moments(self) -> tuple[float, float]:  # type: ignore[override]
-        low, high = self._z
-        if max(abs(low), abs(high)) < math.inf or min(abs(low), abs(high)) > SIGMAS / 2:
-            # The closed form loses digits in tails and in narrow intervals.
-            mean, var = moments(self)
-            return (mean - self.loc) / self.std, var / self.std**2
-        edge = [0.0 if math.isinf(z) else z * float(gauss(z)) for z in (low, high)]
-        mean = float(gauss(low) - gauss(high)) / self._mass
-        return mean, 1.0 + (edge[0] - edge[1]) / self._mass - mean**2
 
     def _mass_between(self, low: Any, high: Any) -> Any:
         """Mass of the standard Gaussian between two points, both seen from the thinner tail."""

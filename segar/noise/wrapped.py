@@ -103,8 +103,7 @@ class VonMises(Noise):
     """An angle [rad] in ``[mean - pi, mean + pi]`` with density proportional to ``exp(kappa cos(x - mean))``.
 
     The larger ``kappa`` (positive), the narrower; ``UniformNoise(-pi, pi)`` is the distribution with kappa 0. Mean and variance
-    are those of the number, distances those on the circle; ``resultant`` is the length of the mean direction.
-    ``loc`` is the parameter ``mean``.
+    are those of the number, distances those on the circle. ``loc`` is the parameter ``mean``.
     """
 
     loc: float
@@ -147,20 +146,12 @@ class VonMises(Noise):
         return math.tau
 
     @property
-    def resultant(self) -> float:
-        """Length of the mean of ``(cos x, sin x)``: 1 for a certain direction, 0 for none."""
-        return float(scipy.special.i1e(self.kappa) / scipy.special.i0e(self.kappa))
-
-    @property
     def support(self) -> tuple[float, float]:
         return self.loc - math.pi, self.loc + math.pi
 
     @property
     def pieces(self) -> np.ndarray:
         return self.loc + self._pieces
-
-    def entropy(self) -> float:
-        return math.log(2 * math.pi * scipy.special.i0e(self.kappa)) + self.kappa * (1.0 - self.resultant)
 
     @cached_property
     def _pieces(self) -> np.ndarray:
