@@ -14,7 +14,7 @@ from segar.language import Factor, Position, Size
 from segar.levels import LevelDistribution, Levels, checks, content_hash, entity_types
 from segar.metrics.points import Units, spread
 from segar.metrics.targets import nearest_to_target
-from segar.metrics.wasserstein import MISMATCH, Mode, cost_function, exact_costs, w2
+from segar.metrics.wasserstein import MISMATCH, cost_function, exact_costs, w2
 from segar.support import is_whole
 
 Kind = Literal["iid", "clustered", "covering", "nuisance_only", "target"]
@@ -38,7 +38,6 @@ def design(
     test: Levels | None = None,
     target: float | None = None,
     tolerance: float | None = None,
-    mode: Mode = "exact",
 ) -> Levels:
     """``n`` levels of a distribution, of the closeness that ``kind`` names.
 
@@ -57,7 +56,7 @@ def design(
       that have the same entities. ``provenance.indices`` are those of the n levels that lend the nuisance factors,
       ``provenance.name`` says the one level, and ``provenance.distribution`` is another than dist's, since dist does not
       draw such levels.
-    - ``target``: levels whose distance ``w2(levels, test, mode=mode)`` is within ``tolerance`` of ``target``.
+    - ``target``: levels whose distance ``w2(levels, test)`` is within ``tolerance`` of ``target``.
 
     Args:
         n, seed, split: as for ``dist.sample``; the choice at random depends on them and on nothing else.
@@ -65,7 +64,6 @@ def design(
         nuisance: ``nuisance_only``: factors that vary, e.g. ``[Order, Mass]``; of all entities that have them. If Position
             or Size varies, things are moved out of each other as in any level.
         test, target, tolerance: ``target`` only; the tolerance is 1 % of the target by default.
-        mode: ``target`` only: ``"exact"`` or ``"reference"``.
 
     Raises:
         LevelError: an option is missing, of the wrong kind, or another kind's; there are not enough levels of one sort in
@@ -88,7 +86,7 @@ def design(
     if kind == "nuisance_only":
         return _nuisance_only(levels, int(rng.integers(size)), n, nuisance)
     assert test is not None and target is not None
-    return _at_target(levels, n, test, target, 0.01 * target if tolerance is None else tolerance, mode, rng)
+    return _at_target(levels, n, test, target, 0.01 * target if tolerance is None else tolerance, rng)
 
 
 def pool_size(n: int, pool: int | None) -> int:
@@ -120,8 +118,6 @@ def _check_kind(
         kind != "target" and (test, target, tolerance) != (None,) * 3
     ):
         raise LevelError("design: kind='target' needs test=levels and target=distance, and no other kind takes them")
-    if test is not None:
-        checks.require_levels("design", test)
     if target is not None and not (0 < target < np.inf and (tolerance is None or 0 < tolerance < np.inf)):
         raise LevelError(f"design: target and tolerance must be positive numbers, not {target!r} and {tolerance!r}")
 
@@ -176,15 +172,12 @@ def _nuisance_only(levels: Levels, place: int, n: int, nuisance: Sequence[type[F
 
 
 def _at_target(
-    levels: Levels, n: int, test: Levels, target: float, tolerance: float, mode: Mode, rng: np.random.Generator
+    levels: Levels, n: int, test: Levels, target: float, tolerance: float, rng: np.random.Generator
 ) -> Levels:
-    if mode not in ("exact", "reference"):
-        raise LevelError(f"design: mode must be 'exact' or 'reference', not {mode!r}")
-    unit = spread(levels, test) if mode == "exact" else None
-    costs = cost_function("design", levels, test, mode, None, unit, None)(levels, test)
+    costs = cost_function("design", levels, test, "exact", None, None, None)(levels, test)
     found, low, high = nearest_to_target(costs, n, target, tolerance, rng)
     picked = levels[found]
-    distance = w2(picked, test, mode=mode)
+    distance = w2(picked, test)
     if abs(distance - target) > tolerance:
         raise LevelError(
             f"design: no {n} levels of the pool of {len(levels)} were found at W2 {target:g} ± {tolerance:g} from the test"
