@@ -1,6 +1,6 @@
 """What comes before the first frame of a run: environments, learner, a checkpoint to go on from, and advice."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,11 @@ from segar.experiments.algorithms.learner import Learner, make_learner
 from segar.experiments.commands.signals import SignalMonitor
 from segar.experiments.curricula.training_levels import TrainingLevels, settings_of
 from segar.experiments.evaluation.episodes import unseen_by_distances
-from segar.experiments.levels.builders import Prepared, check_observations, check_results
+from segar.experiments.levels.builders import Prepared, check_observations
 from segar.experiments.levels.endless import stream_of
 from segar.experiments.networks.devices import arithmetic
 from segar.experiments.runs.executed_code import executed_code, executed_files
 from segar.experiments.runs.journal import Journal
-from segar.experiments.runs.level_prints import is_own, prints_of, share_of
 from segar.experiments.runs.run_folder import (
     LEVELS_TEST,
     LEVELS_TRAIN,
@@ -27,15 +26,8 @@ from segar.experiments.runs.run_folder import (
 )
 from segar.experiments.runs.versions import in_words, versions
 from segar.experiments.settings import ConfigError, RunConfig
-from segar.experiments.training.large_numbers import advice, large_numbers
+from segar.experiments.training.advice import advice, advice_on_trials
 from segar.experiments.training.training_loop import Training
-from segar.experiments.training.trials import advice_on_trials
-from segar.experiments.training.unseen import (
-    advice_on_entities,
-    advice_on_parameters,
-    unseen_entities,
-    unseen_parameters,
-)
 from segar.levels import Levels, hash_of_levels
 
 
@@ -61,7 +53,7 @@ def prepare(
     chosen = training_levels(kind, prepared)
     env = make_environment(kind, prepared, train) if chosen is None else chosen.env
     check_observations(prepared, train, test)
-    for line in _advice(prepared):
+    for line in advice(prepared):
         say(line)
     algorithm = computed_as_begun(folder, config).algorithm
     learner = make_learner(kind, algorithm, env, config.scale.frames, config.seed)
@@ -80,39 +72,6 @@ def prepare(
     for line in unseen_by_distances(train, test, config.evaluation.distances):
         say(line)
     return training
-
-
-def _advice(prepared: Prepared) -> Iterator[str]:
-    """Warnings of what an agent learns badly or not at all from, of what it does not see, and of a test without new levels."""
-    config, (train, test) = prepared.config, prepared.level_sets
-    for name in check_results(prepared, train, test):
-        yield (
-            f"warning: the task's result '{name}' is several numbers per environment: the files of episodes hold it, and tables"
-            " and claims have no column of it. Give each number a result of its own, such as lambda factors: ...[:, 0]"
-        )
-    if not prepared.task.functions().reward:
-        yield (
-            f"warning: the task {prepared.task.name} has no reward function: all rewards are 0, and an agent learns nothing by"
-            " them"
-        )
-    if config.takes_no_step():
-        rollout = config.algorithm.num_envs * config.algorithm.num_steps  # type: ignore[attr-defined]
-        yield (
-            f"warning: the agent stays untrained: {config.scale.frames:,} frames are one rollout ({rollout:,} frames) or less,"
-            f" and algorithm.anneal lowers the learning rate to 0 in the last one. Give scale.frames={2 * rollout} or more, or"
-            " algorithm.anneal=false"
-        )
-    if large := large_numbers(prepared):
-        yield advice(large, prepared)
-    if unseen := unseen_entities(prepared):
-        yield advice_on_entities(unseen, prepared)
-    if parameters := unseen_parameters(prepared):
-        yield advice_on_parameters(parameters, prepared)
-    if is_own(config.levels.train) and (share := share_of(prints_of(test), prints_of(train))):
-        yield (
-            f"warning: {share:.0%} of the test levels are training levels, too, so the gap says little or nothing of levels"
-            " that the agent has not seen; name others: levels.test=..."
-        )
 
 
 def _arithmetics(config: RunConfig, learner: Learner, folder: Path, say: Callable[[str], None]) -> dict[str, Any]:

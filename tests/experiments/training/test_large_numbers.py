@@ -4,7 +4,7 @@ import pytest
 
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
-from segar.experiments.training.large_numbers import advice, large_numbers
+from segar.experiments.training.advice import advice_on_numbers, large_numbers
 from segar.experiments.training.run import run
 from tests.experiments.short_runs import figures, short_run, weights
 
@@ -22,14 +22,14 @@ def found(options=None, name="state", levels=LEVELS, task=TASK):
 def test_a_counter_is_found_with_its_largest_value_and_the_setting_that_divides_it(name):
     large, config = found(name=name)
     assert large == {"golfball.Clock": 195.0}  # the last of 40 steps of 5 sub-steps starts another episode
-    assert "golfball.Clock up to 195 in random play" in advice(large, config)
-    assert advice(large, config).endswith("observation.options.scale.Clock=200")
+    assert "golfball.Clock up to 195 in random play" in advice_on_numbers(large, config)
+    assert advice_on_numbers(large, config).endswith("observation.options.scale.Clock=200")
 
 
 def test_a_constant_that_is_too_small_is_raised():
     large, config = found({"scale": {"Clock": 2}})
     assert large == {"golfball.Clock": 97.5}
-    assert advice(large, config).endswith("observation.options.scale.Clock=200")
+    assert advice_on_numbers(large, config).endswith("observation.options.scale.Clock=200")
 
 
 @pytest.mark.parametrize("options", [{"scale": {"Clock": 200}}, {"hidden": ["Clock"]}])
@@ -52,7 +52,7 @@ def test_a_run_warns_once_and_has_the_results_that_it_has_without_the_look(tmp_p
     said = []
     run(short_run(tmp_path / "a", levels=LEVELS, task=TASK), said.append)
     assert sum("large numbers" in line for line in said) == 1
-    monkeypatch.setattr("segar.experiments.training.preparation.large_numbers", lambda prepared: {})
+    monkeypatch.setattr("segar.experiments.training.advice.large_numbers", lambda prepared: {})
     run(short_run(tmp_path / "b", levels=LEVELS, task=TASK), said.append)
     assert figures(tmp_path / "a") == figures(tmp_path / "b")
     assert all((weights(tmp_path / "b")[name] == value).all() for name, value in weights(tmp_path / "a").items())

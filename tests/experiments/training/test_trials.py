@@ -25,8 +25,8 @@ from segar.experiments.settings import (
     as_data,
     run_config,
 )
+from segar.experiments.training.advice import advice_on_trials
 from segar.experiments.training.run import run
-from segar.experiments.training.trials import advice_on_trials
 from tests.experiments.short_runs import killed_after, same_results, short_run
 
 SMALL = {"num_envs": 8, "num_steps": 8, "widths": (8,), "head_width": 0}

@@ -7,13 +7,13 @@ from segar.envs import VectorEnv
 from segar.errors import LevelError
 from segar.experiments.levels.builders import Prepared, environment_options, make_levels
 from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
-from segar.experiments.training.run import run
-from segar.experiments.training.unseen import (
+from segar.experiments.training.advice import (
     advice_on_entities,
     advice_on_parameters,
     unseen_entities,
     unseen_parameters,
 )
+from segar.experiments.training.run import run
 from segar.observations import StateVector
 from tests.experiments.short_runs import short_run, weights
 from tests.experiments.training import moons
@@ -69,7 +69,7 @@ def test_a_run_says_it_once_and_has_the_results_that_it_has_without_the_look(tmp
     said, levels = [], LevelsConfig(f"{HERE}:turning", count=2, test_count=2)
     run(short_run(tmp_path / "a", levels=levels), said.append)
     assert sum("does not see Phase of moon" in line for line in said) == 1
-    monkeypatch.setattr("segar.experiments.training.preparation.unseen_entities", lambda *given: {})
+    monkeypatch.setattr("segar.experiments.training.advice.unseen_entities", lambda *given: {})
     run(short_run(tmp_path / "b", levels=levels), said.append)
     assert all((weights(tmp_path / "b")[name] == value).all() for name, value in weights(tmp_path / "a").items())
 
