@@ -17,14 +17,17 @@ from torchrl.objectives.common import LossModule
 from segar.envs import VectorEnv
 from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.collection.collector import Rollout, action_size, observation_shape, require_frames
+from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.networks.augmentations import random_crop, random_intensity, random_shift
 from segar.experiments.networks.encoders import initialize
 
 M = TypeVar("M", bound=nn.Module)
 
 
-class Auxiliary(ABC):
+class Auxiliary(SavedState, ABC):
     """The learner, see :class:`segar.experiments.algorithms.learner.Learner`: a PPO, an auxiliary loss, their optimiser."""
+
+    parts = ("ppo", "loss", "own_optimizer")
 
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
         require_frames(config.name, observation_shape(env))
@@ -38,10 +41,12 @@ class Auxiliary(ABC):
         own = [weight for weight in self.loss.parameters() if id(weight) not in known]
         self.weights = [*self.encoder.parameters(), *own]
         if config.auxiliary_learning_rate is None:
-            self.optimizer = self.ppo.optimizer
+            self.optimizer, self.own_optimizer = self.ppo.optimizer, None
             self.optimizer.add_param_group({"params": own})
         else:
-            self.optimizer = torch.optim.Adam(self.weights, lr=config.auxiliary_learning_rate, fused=True)
+            self.optimizer = self.own_optimizer = torch.optim.Adam(
+                self.weights, lr=config.auxiliary_learning_rate, fused=True
+            )
 
     make_env = staticmethod(PPO.make_env)
     make_policy = staticmethod(PPO.make_policy)
@@ -95,18 +100,6 @@ class Auxiliary(ABC):
         """The module with freshly drawn weights, on the policy's device."""
         initialize(module, self.rng)
         return module.to(self.ppo.device)
-
-    def state_dict(self) -> dict[str, Any]:
-        """PPO's state, the loss with its target encoder, and its optimiser."""
-        own = {} if self.optimizer is self.ppo.optimizer else {"auxiliary_optimizer": self.optimizer.state_dict()}
-        return {**self.ppo.state_dict(), "auxiliary": self.loss.state_dict(), **own}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.ppo.load_state_dict(state)
-        self.loss.load_state_dict(state["auxiliary"])
-        if self.optimizer is not self.ppo.optimizer:
-            self.optimizer.load_state_dict(state["auxiliary_optimizer"])
 
 
 class CodeLoss(LossModule):

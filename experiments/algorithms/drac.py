@@ -18,7 +18,6 @@ return is the mean of the value targets of its steps, in the units of the reward
 """
 
 import math
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -30,6 +29,7 @@ from torch.distributions import kl_divergence
 from segar.envs import VectorEnv
 from segar.experiments.algorithms.ppo import LOGGED, PPO, clipped_loss
 from segar.experiments.collection.collector import Rollout, observation_shape, require_frames
+from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.networks.augmentations import (
     greyscale,
     random_colour_jitter,
@@ -61,6 +61,7 @@ class DrAC(PPO):
     """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     config: DrACConfig
+    parts = (*PPO.parts, "choice")
     logged: ClassVar[Mapping[str, str]] = {
         **LOGGED,
         "loss_policy_change": "loss/policy_change",
@@ -112,15 +113,6 @@ class DrAC(PPO):
             for name, change in zip(("loss_policy_change", "loss_value_change"), changes, strict=True)
         }
 
-    def state_dict(self) -> dict[str, Any]:
-        """PPO's state, and what the augmentations were worth."""
-        return {**super().state_dict(), "choice": self.choice.state_dict()}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        super().load_state_dict(state)
-        self.choice.load_state_dict(state["choice"])
-
 
 def changes_under(
     policy: nn.Module, augmented: Tensor, loc: Tensor, scale: Tensor, value: Tensor
@@ -133,7 +125,7 @@ def changes_under(
     return policy_change, 0.5 * (value.detach() - there[2]).square().mean()
 
 
-class UpperConfidenceBound:
+class UpperConfidenceBound(SavedState):
     """Chooses one of several arms again and again, by the rewards that followed the last choices of each.
 
     Args:
@@ -143,10 +135,12 @@ class UpperConfidenceBound:
         lag: how many choices are made until the reward of the first one is known.
     """
 
+    saved = ("counts", "rewards", "waiting")
+
     def __init__(self, arms: Sequence[str], exploration: float, window: int, lag: int = 1) -> None:
-        self.arms, self.exploration, self.lag = tuple(arms), exploration, lag
+        self.arms, self.exploration, self.window, self.lag = tuple(arms), exploration, window, lag
         self.counts = [0] * len(self.arms)
-        self.rewards: list[deque[float]] = [deque(maxlen=window) for _ in self.arms]
+        self.rewards: list[list[float]] = [[] for _ in self.arms]  # the last ones of each
         self.waiting: list[int] = []  # choices whose reward is not known yet, the oldest first
 
     @property
@@ -174,13 +168,6 @@ class UpperConfidenceBound:
     def judge(self, reward: float) -> None:
         """Says what followed the oldest choice that waits for its reward; nothing where there are fewer than ``lag``."""
         if len(self.waiting) >= self.lag:
-            self.rewards[self.waiting.pop(0)].append(reward)
-
-    def state_dict(self) -> dict[str, Any]:
-        """All that the next choices depend on."""
-        return {"counts": self.counts, "rewards": [list(one) for one in self.rewards], "waiting": self.waiting}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.counts, self.waiting = list(state["counts"]), list(state["waiting"])
-        self.rewards = [deque(found, old.maxlen) for found, old in zip(state["rewards"], self.rewards, strict=True)]
+            rewards = self.rewards[self.waiting.pop(0)]
+            rewards.append(reward)
+            del rewards[: -self.window]

@@ -14,14 +14,16 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from segar.envs import VectorEnv
 from segar.experiments.collection.collector import action_size, figures_at_end, mean_figures, observation_shape
-from segar.experiments.collection.environment_state import as_tensors, from_tensors
 from segar.experiments.collection.replay import Replay
 from segar.experiments.collection.rewards import learner_reward
+from segar.experiments.collection.saved_state import SavedState, as_tensors, from_tensors
 from segar.experiments.networks.devices import require_one_device, usable_device
 
 
-class OffPolicy(ABC):
+class OffPolicy(SavedState, ABC):
     """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
+
+    saved, parts = ("frames",), ("loss", "optimizer", "replay")
 
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
         self.config, self.env, self.device = config, env, usable_device(config.device)
@@ -112,22 +114,12 @@ class OffPolicy(ABC):
 
     def state_dict(self) -> dict[str, Any]:
         """All networks with their targets, optimiser, replay, generator, counter and the running episodes."""
-        return {
-            "loss": self.loss.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
-            "replay": self.replay.state_dict(),
-            "rng": self.rng.get_state(),
-            "frames": self.frames,
-            "env": as_tensors(self.env.state()),
-        }
+        return {**super().state_dict(), "rng": self.rng.get_state(), "env": as_tensors(self.env.state())}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continues from ``state``."""
-        self.loss.load_state_dict(state["loss"])
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.replay.load_state_dict(state["replay"])
+        super().load_state_dict(state)
         self.rng.set_state(state["rng"])
-        self.frames = state["frames"]
         self.current = self.env.restore(from_tensors(self.env.state(), state["env"]))
 
 

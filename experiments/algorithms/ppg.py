@@ -46,6 +46,7 @@ class PPG(PPO):
     """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
     config: PPGConfig
+    parts = (*PPO.parts, "auxiliary_optimizer")
 
     def __init__(self, config: PPGConfig, env: VectorEnv, frames: int, seed: int) -> None:
         size = config.num_envs * config.num_steps
@@ -113,15 +114,6 @@ class PPG(PPO):
         acting = [self.policy.actor(observation)[:2] for observation in batch["observation"].unbind()]
         batch["loc"], batch["scale"] = (torch.stack(parts) for parts in zip(*acting, strict=True))
         return batch
-
-    def state_dict(self) -> dict[str, Any]:
-        """PPO's state, and the optimiser of the auxiliary phase."""
-        return {**super().state_dict(), "auxiliary_optimizer": self.auxiliary_optimizer.state_dict()}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        super().load_state_dict(state)
-        self.auxiliary_optimizer.load_state_dict(state["auxiliary_optimizer"])
 
 
 def auxiliary_losses(policy: PPGPolicy, minibatch: TensorDict) -> list[Tensor]:

@@ -35,6 +35,7 @@ from segar.experiments.collection.async_collector import AsyncCollector
 from segar.experiments.collection.collector import Collected, Collector, Rollout, action_size, observation_shape
 from segar.experiments.collection.device_collector import DeviceCollector
 from segar.experiments.collection.rewards import ReturnScale, learner_reward
+from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.networks.devices import usable_device
 from segar.experiments.networks.encoders import FrameEncoder, initialize, make_encoder
 from segar.experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
@@ -53,9 +54,10 @@ LOGGED = {
 }
 
 
-class PPO:
+class PPO(SavedState):
     """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
+    saved, parts = ("frames",), ("optimizer", "scale")
     logged: ClassVar[Mapping[str, str]] = LOGGED
 
     def __init__(self, config: PPOConfig, env: VectorEnv, frames: int, seed: int) -> None:
@@ -170,22 +172,13 @@ class PPO:
 
     def state_dict(self) -> dict[str, Any]:
         """Optimiser, generator, frame counter and the running episodes; the weights are stored beside them."""
-        return {
-            "optimizer": self.optimizer.state_dict(),
-            "rng": self.rng.get_state(),
-            "frames": self.frames,
-            **self.collector.state_dict(),
-            **({} if self.scale is None else {"scale": self.scale.state_dict()}),
-        }
+        return {**super().state_dict(), **self.collector.state_dict(), "rng": self.rng.get_state()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continues from ``state``."""
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.rng.set_state(state["rng"])
-        self.frames = state["frames"]
+        super().load_state_dict(state)
         self.collector.load_state_dict(state)
-        if self.scale is not None:
-            self.scale.load_state_dict(state["scale"])
+        self.rng.set_state(state["rng"])
 
 
 class PPOPolicy(nn.Module):

@@ -11,7 +11,7 @@ from gymnasium.spaces import Box
 from torch import Tensor
 
 from segar.envs import VectorEnv
-from segar.experiments.collection.environment_state import as_tensors, from_tensors
+from segar.experiments.collection.saved_state import as_tensors, from_tensors
 from segar.experiments.networks.encoders import successive
 from segar.experiments.settings import ConfigError
 from segar.observations import copy_rows

@@ -1,12 +1,10 @@
 """Rewards as the learner sees them; returns and evaluations always count the task's own rewards."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import torch
 from torch import Tensor
 
+from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.commands.kernels import are_portable
 from segar.experiments.settings import OffPolicyConfig, PPOConfig
 
@@ -30,13 +28,15 @@ def learner_reward(config: PPOConfig | OffPolicyConfig, reward: Tensor) -> Tenso
     return reward * config.reward_scale
 
 
-class ReturnScale:
+class ReturnScale(SavedState):
     """Divides rewards by the standard deviation of the discounted returns so far, as Procgen's baselines do.
 
     Args:
         num_envs: environments, whose rewards come in parallel.
         gamma: the discount.
     """
+
+    saved = ("returns", "count", "mean", "squares")
 
     def __init__(self, num_envs: int, gamma: float) -> None:
         self.gamma = gamma
@@ -65,12 +65,3 @@ class ReturnScale:
         self.squares += float((values - mean).square().sum()) + shift**2 * self.count * new / total
         self.mean += shift * new / total
         self.count = total
-
-    def state_dict(self) -> dict[str, Any]:
-        """The statistics so far."""
-        return {"returns": self.returns, "count": self.count, "mean": self.mean, "squares": self.squares}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.returns, self.count = state["returns"], state["count"]
-        self.mean, self.squares = state["mean"], state["squares"]

@@ -1,13 +1,12 @@
 """Episodes that ended, and the sums over their steps that scores are made of."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from torch import Tensor
 
 from segar.experiments.collection.collector import Rollout
+from segar.experiments.collection.saved_state import SavedState
 
 MEANS = ("value_l1", "positive_value_loss", "mean_value")
 SUMS = ("steps", "returns", "learned_return", "discount", *MEANS)
@@ -38,12 +37,14 @@ class Ended:
         return len(self.row)
 
 
-class EpisodeSums:
+class EpisodeSums(SavedState):
     """Sums over the running episodes of all environments, which rollouts cut at their ends.
 
     Args:
         gamma: the discount of the returns that are learned from.
     """
+
+    saved = ("sums",)
 
     def __init__(self, num_envs: int, gamma: float) -> None:
         self.gamma = gamma
@@ -73,14 +74,6 @@ class EpisodeSums:
                 for name, array in sums.items():
                     array[ends] = float(name == "discount")
         return ended_of(found)
-
-    def state_dict(self) -> dict[str, Any]:
-        """The sums."""
-        return dict(self.sums)
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.sums = {name: state[name].copy() for name in SUMS}
 
 
 def ended_of(found: list[dict[str, np.ndarray]]) -> Ended:

@@ -11,8 +11,8 @@ from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from segar.envs import VectorEnv
 from segar.experiments.collection.rewards import learner_reward
+from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.curricula.episodes import MEANS, Ended
-from segar.experiments.curricula.saved_state import SavedState
 from segar.experiments.networks.encoders import successive
 from segar.hardness import plan
 from segar.levels import Levels

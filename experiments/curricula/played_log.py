@@ -21,6 +21,7 @@ import pyarrow as pa
 import scipy
 
 from segar.errors import UnseenDifferenceWarning
+from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.curricula.level_rows import MADE
 from segar.experiments.curricula.played_env import Began
 from segar.levels import LEVEL_ARRAYS, Levels
@@ -40,13 +41,15 @@ PLAYED_SCHEMA = pa.schema(
 )
 
 
-class PlayedLog:
+class PlayedLog(SavedState):
     """The episodes since the last line, and the lines of the table so far.
 
     Args:
         like: training levels, from which the played ones differ in their arrays alone.
         target: what training levels are meant to be drawn from. test: the test levels.
     """
+
+    saved = ("began",)
 
     def __init__(self, like: Levels, target: Any, test: Levels) -> None:
         self.like, self.test = like, test[:SHOWN]
@@ -121,14 +124,6 @@ class PlayedLog:
         return dataclasses.replace(
             self.like, **{name: played[name][picked] for name in LEVEL_ARRAYS}, provenance=origin
         )
-
-    def state_dict(self) -> dict[str, Any]:
-        """The episodes since the last line."""
-        return joined(self.began) if self.began else {}
-
-    def load_state_dict(self, state: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
-        """Continues from ``state``, and from the rows of the table until then."""
-        self.began, self.rows = [dict(state)] if state else [], rows
 
 
 def joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from segar.experiments.curricula.saved_state import SavedState
+from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.settings import ReplayConfig
 
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.curricula.episodes import Ended
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import LevelRows
-from segar.experiments.curricula.saved_state import SavedState
 from segar.experiments.curricula.scored_rows import ScoredRows
 from segar.levels import Levels
 

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.curricula.episodes import Ended
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import LevelRows
-from segar.experiments.curricula.saved_state import SavedState
 from segar.experiments.curricula.uniform import Uniform
 from segar.experiments.settings import SFLConfig
 

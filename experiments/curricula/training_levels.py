@@ -10,7 +10,7 @@ from torch import Tensor
 
 from segar.envs import VectorEnv
 from segar.experiments.collection.collector import Rollout
-from segar.experiments.collection.environment_state import arrays_in, tensors_in
+from segar.experiments.collection.saved_state import SavedState, arrays_in, tensors_in
 from segar.experiments.curricula.curriculum import curriculum_class_of
 from segar.experiments.curricula.episodes import EpisodeSums
 from segar.experiments.curricula.explorer import Explorer
@@ -25,7 +25,7 @@ from segar.levels import Levels
 FIGURES = "curriculum/"  # begins the names of what curricula say of themselves
 
 
-class TrainingLevels:
+class TrainingLevels(SavedState):
     """What chooses the levels of a run, and what records them.
 
     Args:
@@ -36,6 +36,8 @@ class TrainingLevels:
     Raises:
         ConfigError: curriculum, levels and algorithm do not fit each other.
     """
+
+    saved, parts = ("steps", "lines"), ("log", "sums", "explorer")
 
     def __init__(
         self,
@@ -136,19 +138,11 @@ class TrainingLevels:
 
     def state_dict(self) -> dict[str, Any]:
         """What lasts beside the environments, whose state holds the curriculum's: tensors and plain data."""
-        sums = {} if self.sums is None else self.sums.state_dict()
-        parts = {"log": self.log.state_dict(), "sums": sums, "explorer": self.explorer.state_dict()}
-        counts = {"steps": self.steps, "lines": self.lines}
-        return tensors_in(copy.deepcopy(parts | counts))
+        return tensors_in(copy.deepcopy(super().state_dict()))
 
-    def load_state_dict(self, state: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
-        """Continues from ``state``; ``rows`` are those of the table until then."""
-        plain = arrays_in(dict(state))
-        self.log.load_state_dict(plain["log"], rows)
-        if self.sums is not None:
-            self.sums.load_state_dict(plain["sums"])
-        self.explorer.load_state_dict(plain["explorer"])
-        self.steps, self.lines = plain["steps"], plain["lines"]
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Continues from ``state``; the lines of the log so far are not in it."""
+        super().load_state_dict(arrays_in(dict(state)))
 
 
 def settings_of(config: RunConfig) -> CurriculumConfig | None:

@@ -72,8 +72,8 @@ class Training:
         # By their number, not by their frames: the evaluation adds rows of the last frames, and comes again.
         self.rows = read_metrics(self.folder).to_pylist()[: extra.get("rows")]
         if self.chosen is not None:
-            played = read_played(self.folder).to_pylist()[: extra.get("played")]
-            self.chosen.load_state_dict(extra["levels"], played)
+            self.chosen.load_state_dict(extra["levels"])
+            self.chosen.log.rows = read_played(self.folder).to_pylist()[: extra.get("played")]
         say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
 
     def train(self) -> None:

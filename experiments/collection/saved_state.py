@@ -1,13 +1,36 @@
-"""States of environments as tensors and plain data, so that a checkpoint can hold them without pickled objects."""
+"""States as tensors and plain data, so that a checkpoint can hold them without pickled objects."""
 
 import dataclasses
-from typing import Any, TypeVar
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import torch
 from torch.utils._pytree import tree_map
 
 T = TypeVar("T")
+
+
+class SavedState:
+    """What has a state: the attributes that ``saved`` names, and the states of the parts that ``parts`` names, but for those
+    that are None."""
+
+    saved: ClassVar[tuple[str, ...]] = ()
+    parts: ClassVar[tuple[str, ...]] = ()
+
+    def state_dict(self) -> dict[str, Any]:
+        """The state, which goes into the checkpoint."""
+        parts = {name: part.state_dict() for name in self.parts if (part := getattr(self, name)) is not None}
+        return {**{name: getattr(self, name) for name in self.saved}, **parts}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Continues from ``state``."""
+        for name in self.saved:
+            setattr(self, name, deepcopy(state[name]))
+        for name in self.parts:
+            if (part := getattr(self, name)) is not None:
+                part.load_state_dict(state[name])
 
 
 def as_tensors(snapshot: Any) -> dict[str, Any]:
