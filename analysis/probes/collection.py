@@ -31,7 +31,7 @@ PAPER_FACTORS = ("Charge", "Magnetism", "Position.x", "Position.y", "Friction") 
 
 def collect_run(
     folder: Path | str,
-    levels: str | Levels = "test",
+    levels: str = "test",
     *,
     frames: int = FRAMES,
     num_envs: int = ENVS,
@@ -42,7 +42,7 @@ def collect_run(
 
     Args:
         folder: the run's.
-        levels: "train" or "test" for the run's own, or a level set.
+        levels: "train" or "test", the run's own.
         mode: "deterministic" or "sampled" actions.
 
     Raises:
@@ -50,17 +50,15 @@ def collect_run(
     """
     folder = Path(folder).expanduser().resolve()
     trained = read_config(folder)
-    distribution = distribution_of(trained.levels, "train" if levels == "train" else "test")
-    which = levels if isinstance(levels, str) else "train"
-    if isinstance(levels, str):
-        if levels not in OWN:
-            raise LevelError(f"levels must be 'train', 'test' or a level set, not '{levels}'")
-        levels = dataclasses.replace(Levels.load(folder / OWN[levels]), world=distribution.world)
-    policy, _ = load_agent(folder, trained, levels, lambda line: None)
-    options = options_of(folder, trained, which)
+    if levels not in OWN:
+        raise LevelError(f"levels must be 'train' or 'test', not '{levels}'")
+    distribution = distribution_of(trained.levels, levels)
+    played = dataclasses.replace(Levels.load(folder / OWN[levels]), world=distribution.world)
+    policy, _ = load_agent(folder, trained, played, lambda line: None)
+    options = options_of(folder, trained, levels)
     columns = varying_columns(distribution, {"task": options["task"]})
     found = collect(
-        policy, levels, columns, options, frames=frames, num_envs=num_envs, rng=action_rng(mode, seed), seed=seed
+        policy, played, columns, options, frames=frames, num_envs=num_envs, rng=action_rng(mode, seed), seed=seed
     )
     return policy, found
 

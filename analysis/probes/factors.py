@@ -1,7 +1,7 @@
 """One probe per factor: can it be read off the representation, linearly or at all, on episodes that were not seen?"""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ def probe_factors(
             reason = why_not(z, group)
             if reason:
                 quantity = "accuracy" if column.is_category else "r2"
-                rows.append(base | {"quantity": quantity} | asdict(Estimate.missing(len(np.unique(group)), reason)))
+                rows.append(Estimate.missing(len(np.unique(group)), reason).row(**base, quantity=quantity))
                 continue
             has_prediction = np.isfinite(predicted[there, k])
             guess, z, group = predicted[there, k][has_prediction], z[has_prediction], group[has_prediction]
@@ -81,7 +81,7 @@ def probe_factors(
             data = f"{len(z)} frames of {len(np.unique(group))} episodes"
             estimates = {name: one.told_from(nothing.get(name, 0.0), data) for name, one in estimates.items()}
             entropy = {"entropy": cells.entropy, "entropy_of": cells.source}
-            rows += [base | {"quantity": name} | asdict(one) | entropy for name, one in estimates.items()]
+            rows += [one.row(**base, **entropy, quantity=name) for name, one in estimates.items()]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 

@@ -1,7 +1,6 @@
 """How much a representation knows of the factors: MINE and its accuracy, InfoNCE, SMILE."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal, get_args
 
@@ -21,7 +20,7 @@ from segar.analysis.probes.critics import (
 )
 from segar.analysis.probes.pairs import Pairs, episode_folds, standardised, standardised_representation
 from segar.analysis.stats.estimate import Estimate, mean_of_replicates
-from segar.analysis.tables import Ints
+from segar.analysis.tables import Floats, Ints
 from segar.errors import SegarError, did_you_mean
 
 Marginal = Literal["joint", "paper"]
@@ -33,14 +32,6 @@ FOLDS = 2
 SMILE_CLIP = 5.0
 MISSING_2022 = -1000.0
 BLOCK = 256  # held-out pairs among which a bound is taken; InfoNCE is at most its logarithm, 5.5 nats
-
-
-@dataclass(frozen=True)
-class Score:
-    """One replicate: the critic's accuracy (chance is 0.5), and the value of the bound [nats]."""
-
-    accuracy: float
-    value: float
 
 
 def mine_accuracy(
@@ -72,7 +63,7 @@ def mine_accuracy(
     splits = _splits(group, 1, rng)
     if marginal == "paper":
         return float(np.mean([_paper_fold(x, z, *split, torch_rng(rng)) for split in splits]))
-    return _scores(x, z, group, splits, ("jsd",), CriticSettings(), rng)["jsd"][0].accuracy
+    return float(_scores(x, z, group, splits, ("jsd",), CriticSettings(), rng)["jsd"][0, 0])
 
 
 def estimate_bounds(
@@ -103,10 +94,10 @@ def estimate_bounds(
     data = f"{len(x)} frames of {len(np.unique(group))} episodes"
     splits = _splits(group, replicates, rng)
     for bound, scores in _scores(x, z, group, splits, bounds, settings or CriticSettings(), rng).items():
-        accuracy = mean_of_replicates([one.accuracy for one in scores], CHANCE).told_from(CHANCE, data)
+        accuracy = mean_of_replicates(scores[:, 0], CHANCE).told_from(CHANCE, data)
         if bound == "infonce":
             accuracy = Estimate.missing(replicates, "InfoNCE does not care where the zero of T lies")
-        found[bound] = accuracy, mean_of_replicates([one.value for one in scores], 0.0).told_from(0.0, data)
+        found[bound] = accuracy, mean_of_replicates(scores[:, 1], 0.0).told_from(0.0, data)
     return found
 
 
@@ -175,8 +166,9 @@ def _scores(
     bounds: Sequence[str],
     settings: CriticSettings,
     rng: np.random.Generator,
-) -> dict[str, list[Score]]:
-    """Of each bound, each replicate's mean over folds; all critics of an objective learn side by side."""
+) -> dict[str, Floats]:
+    """Of each bound the accuracy of its critic, whose chance is 0.5, and its value [nats], [replicates, 2], means over folds;
+    all critics of an objective learn side by side."""
     values = {"jsd": jsd_value, "infonce": infonce_value, "smile": partial(smile_value, clip=SMILE_CLIP)}
     found = {}
     for objective in (jsd_value, infonce_value):
@@ -187,18 +179,13 @@ def _scores(
                 x, z, episodes, [rest for rest, _ in splits], objective, settings, generator
             )
             found |= _held_out(critics, x, z, episodes, [rows for _, rows in splits], wanted, generator)
-    return {bound: _means(found[bound]) for bound in bounds}
-
-
-def _means(scores: list[Score]) -> list[Score]:
-    """The mean over the folds of each replicate."""
-    replicates = np.array([(one.accuracy, one.value) for one in scores]).reshape(-1, FOLDS, 2).mean(axis=1)
-    return [Score(*map(float, one)) for one in replicates]
+    return {bound: found[bound].reshape(-1, FOLDS, 2).mean(axis=1) for bound in bounds}
 
 
 @torch.no_grad()
-def _held_out(critics, x, z, group, sets, values, rng) -> dict[str, list[Score]]:
-    """The scores of each critic on its own rows, which are drawn to equal number and scored in blocks of about 256."""
+def _held_out(critics, x, z, group, sets, values, rng) -> dict[str, Floats]:
+    """Accuracy and value [critics, 2] of each critic on its own rows, which are drawn to equal number and scored in blocks of
+    about 256."""
     size = min(map(len, sets))
     rows = torch.stack([one[torch.randperm(len(one), generator=rng)[:size]] for one in sets])
     accuracy, totals = torch.zeros(len(sets)), {name: torch.zeros(len(sets)) for name in values}
@@ -210,9 +197,7 @@ def _held_out(critics, x, z, group, sets, values, rng) -> dict[str, list[Score]]
         accuracy += (right + wrong) / 2 / len(blocks)
         for name, value in values.items():
             totals[name] += value(scores, marginal) / len(blocks)
-    return {
-        name: [Score(*pair) for pair in zip(accuracy.tolist(), t.tolist(), strict=True)] for name, t in totals.items()
-    }
+    return {name: torch.stack([accuracy, total], 1).double().numpy() for name, total in totals.items()}
 
 
 def _paper_fold(x: Tensor, z: Tensor, rest: Tensor, held_out: Tensor, rng: torch.Generator) -> float:

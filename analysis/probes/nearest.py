@@ -16,7 +16,7 @@ PARTS = 10  # from whose scatter the error is told
 DRAWS = 10  # of one frame of each episode
 
 
-def ksg(x: Any, z: Any, neighbours: int = NEIGHBOURS) -> float:
+def ksg(x: Any, z: Any) -> float:
     """Mutual information of ``x`` [N, d] (or [N]) and ``z`` [N, k] (or [N]) in nats.
 
     Both may have any number of dimensions, but the estimate falls short in more than about 10 of them, and where the
@@ -29,25 +29,22 @@ def ksg(x: Any, z: Any, neighbours: int = NEIGHBOURS) -> float:
     """
     x, z = _points(x), _points(z)
     n = len(x)
-    if len(z) != n or n <= neighbours:
-        raise SegarError(f"ksg needs as many x as z, and more than {neighbours}; not {n} and {len(z)}")
+    if len(z) != n or n <= NEIGHBOURS:
+        raise SegarError(f"ksg needs as many x as z, and more than {NEIGHBOURS}; not {n} and {len(z)}")
     if not (np.isfinite(x).all() and np.isfinite(z).all()):
         raise SegarError("ksg cannot read values that are not finite; leave out the rows where a factor is missing")
     both = np.concatenate([x, z], axis=1)
-    tree = KDTree(both)
-    radius = tree.query(both, neighbours + 1, p=np.inf)[0][:, -1]
+    radius = KDTree(both).query(both, NEIGHBOURS + 1, p=np.inf)[0][:, -1]
     repeated = radius == 0
     # Strictly within the radius: the largest number below it, as KDTree counts what lies at the radius, too.
     inside = np.where(repeated, 0.0, np.nextafter(radius, 0))
     counts = [_count(part, inside) for part in (x, z)]
-    near = np.where(repeated, _count(both, inside), neighbours)
+    near = np.where(repeated, _count(both, inside), NEIGHBOURS)
     terms = digamma(near) + digamma(n) - digamma(counts[0]) - digamma(counts[1])
     return float(terms.mean())
 
 
-def ksg_estimate(
-    x: Any, z: Any, rng: np.random.Generator, group: Any = None, neighbours: int = NEIGHBOURS, parts: int = PARTS
-) -> Estimate:
+def ksg_estimate(x: Any, z: Any, rng: np.random.Generator, group: Ints) -> Estimate:
     """:func:`ksg` with a 95 % interval, from how it scatters over disjoint parts of the data (Holmes and Nemenman 2019).
 
     ``group`` int [N] (episodes): frames of a group resemble each other, and neighbours within it would be information
@@ -55,16 +52,16 @@ def ksg_estimate(
     to fall as 1 / (number of groups). ``p`` is that of no information, one-sided; ``n`` the number of groups.
     """
     x, z = _points(x), _points(z)
-    draws = [np.arange(len(x))] if group is None else [one_of_each(np.asarray(group), rng) for _ in range(DRAWS)]
+    draws = [one_of_each(group, rng) for _ in range(DRAWS)]
     n = len(draws[0])
-    if n < 10 * parts:  # in parts of fewer, the estimate has a bias that grows faster than its scatter
-        return Estimate.missing(n, f"{10 * parts} episodes or more are needed")
-    value = float(np.mean([ksg(x[rows], z[rows], neighbours) for rows in draws]))
-    part_of = rng.permutation(np.arange(n) % parts)  # the same groups in each draw, for rows follow the groups' names
-    scatter = [np.mean([ksg(x[r[part_of == k]], z[r[part_of == k]], neighbours) for r in draws]) for k in range(parts)]
-    error = float(np.std(scatter, ddof=1) / np.sqrt(parts))
-    half = float(stats.t.ppf(0.975, parts - 1)) * error
-    return Estimate.between(value, value - half, value + half, n, student_p(value, error, parts - 1))
+    if n < 10 * PARTS:  # in parts of fewer, the estimate has a bias that grows faster than its scatter
+        return Estimate.missing(n, f"{10 * PARTS} episodes or more are needed")
+    value = float(np.mean([ksg(x[rows], z[rows]) for rows in draws]))
+    part_of = rng.permutation(np.arange(n) % PARTS)  # the same groups in each draw, for rows follow the groups' names
+    scatter = [np.mean([ksg(x[r[part_of == k]], z[r[part_of == k]]) for r in draws]) for k in range(PARTS)]
+    error = float(np.std(scatter, ddof=1) / np.sqrt(PARTS))
+    half = float(stats.t.ppf(0.975, PARTS - 1)) * error
+    return Estimate.between(value, value - half, value + half, n, student_p(value, error, PARTS - 1))
 
 
 def one_of_each(group: Ints, rng: np.random.Generator) -> Ints:

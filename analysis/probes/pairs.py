@@ -46,23 +46,19 @@ class Pairs:
         factors: float64 ``[N, k]``; nan where an entity is absent or lacks the factor; numbers of types for categories.
         columns: what the ``k`` factors are.
         episode: int ``[N]``; frames of one episode depend on each other, so splits and intervals go by episodes.
-        level: int ``[N]``, index in the level set.
-        step: int ``[N]``, steps since the episode began.
     """
 
     representation: NDArray[np.float32]
     factors: Floats
     columns: tuple[Column, ...]
     episode: Ints
-    level: Ints
-    step: Ints
 
     def __len__(self) -> int:
         return len(self.factors)
 
     def take(self, rows: Any) -> Pairs:
         """The frames at an index array or mask."""
-        parts = {name: getattr(self, name)[rows] for name in ("representation", "factors", "episode", "level", "step")}
+        parts = {name: getattr(self, name)[rows] for name in ("representation", "factors", "episode")}
         return replace(self, **parts)
 
     def only(self, columns: Sequence[int]) -> Pairs:
@@ -80,7 +76,8 @@ class Frames:
     """``N`` frames as an agent saw them, and what was true of them; see :class:`Pairs`.
 
     ``late`` holds the factors one step later, float64 ``[N, k]``: after the last step of an episode they are those of
-    the next episode's first state. The code of 2022 paired frames with these.
+    the next episode's first state. The code of 2022 paired frames with these. ``level`` is the index in the level set, int
+    ``[N]``, and ``step`` the steps since the episode began, int ``[N]``.
     """
 
     observation: NDArray[Any]
@@ -94,18 +91,11 @@ class Frames:
     def __len__(self) -> int:
         return len(self.factors)
 
-    def pairs(self, represent: Callable[[NDArray[Any]], NDArray[Any]], alignment: str = "same") -> Pairs:
-        """What ``represent`` makes of the observations ``[n, ...]``, beside the factors.
-
-        Args:
-            alignment: "same": factors of the state that was observed; "late": of the next one, as in 2022.
-        """
-        if alignment not in ("same", "late"):
-            raise LevelError(f"alignment must be 'same' or 'late', not '{alignment}'")
+    def pairs(self, represent: Callable[[NDArray[Any]], NDArray[Any]]) -> Pairs:
+        """What ``represent`` makes of the observations ``[n, ...]``, beside the factors."""
         parts = [represent(self.observation[i : i + BATCH]) for i in range(0, len(self), BATCH)]
         phi = np.concatenate([np.asarray(part, np.float32).reshape(len(part), -1) for part in parts])
-        factors = self.factors if alignment == "same" else self.late
-        return Pairs(phi, factors, self.columns, self.episode, self.level, self.step)
+        return Pairs(phi, self.factors, self.columns, self.episode)
 
 
 def episode_folds(episode: Ints, folds: int, rng: np.random.Generator) -> list[Ints]:

@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -91,7 +91,7 @@ def probe_pairs(pairs: Pairs, rng: np.random.Generator, wanted: Sequence[str], c
         estimates = estimate_bounds(pairs, rng, bounds, replicates=config.replicates, settings=settings)
         for bound, found in estimates.items():
             for quantity, one in zip(("accuracy", "information"), found, strict=True):
-                rows.append({"factor": "all", "probe": bound, "quantity": quantity, "frames": len(pairs)} | asdict(one))
+                rows.append(one.row(factor="all", probe=bound, quantity=quantity, frames=len(pairs)))
     tables = [pd.DataFrame(rows)] if rows else []
     readouts = [name for name in READOUTS if name in wanted]
     if readouts:
@@ -175,9 +175,9 @@ def paper_rows(
     for probe, joint in (("paper", False), ("paper, joint marginal", True)):
         found = [mine_of_2022(sets[0], sets[1], rng, joint=joint) for _ in range(config.paper_replicates)]
         for name, values in zip(("train", "test"), zip(*found, strict=True), strict=True):
-            row = {"factor": "all", "probe": probe, "quantity": "accuracy", "frames": len(sets[0])}
             one = mean_of_replicates(values, CHANCE).told_from(CHANCE, f"{len(sets[0])} frames")
-            tables.append(place(pd.DataFrame([row | asdict(one)]), folder, name, TRAINED))
+            row = one.row(factor="all", probe=probe, quantity="accuracy", frames=len(sets[0]))
+            tables.append(place(pd.DataFrame([row]), folder, name, TRAINED))
     return tables
 
 

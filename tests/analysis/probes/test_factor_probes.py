@@ -42,7 +42,7 @@ def pairs():
         Column("tile", "Heat"),
     )
     factors = np.stack([place, charge, kind, speed, heat], axis=1)
-    return Pairs(np.float32(phi), factors, columns, episode, episode % 7, np.tile(np.arange(LENGTH), EPISODES))
+    return Pairs(np.float32(phi), factors, columns, episode)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_every_result_that_few_frames_do_not_tell_from_nothing_says_so(frames, e
     phi = np.stack([known, rng(5).normal(size=frames)], axis=1)
     columns = (Column("ball", "Mass"), Column("ball", "Charge"), Column("ball", "Heat"), Column("tile", "type", True))
     factors = np.stack([known, hidden, moving, kind], axis=1)
-    few = Pairs(np.float32(phi), factors, columns, episode, episode, np.arange(frames))
+    few = Pairs(np.float32(phi), factors, columns, episode)
     config = ProbeConfig(replicates=2, steps=30, batch=32)
     found = probe_pairs(few.only([1, 2, 3]), rng(6), EVERYTHING, config)
     found = pd.concat([found, probe_pairs(few, rng(6), ["ridge"], config)])
@@ -182,6 +182,6 @@ def test_few_episodes_of_many_frames_are_not_learnt_by_heart():
     z = rng(1).normal(size=(40, 1))[episode]
     phi = rng(2).normal(size=(40, 64))[episode] + 0.01 * rng(3).normal(size=(1000, 64))
     columns = (Column("ball", "Position.x", is_static=True),)
-    unknown = Pairs(np.float32(phi), z, columns, episode, np.zeros(1000, int), np.tile(np.arange(25), 40))
+    unknown = Pairs(np.float32(phi), z, columns, episode)
     found = probe_factors(unknown, rng(4), probes=("ridge",))
     assert -0.3 < value(found, "ball.Position.x", "r2").estimate < 0.3

@@ -21,7 +21,7 @@ def pairs_of(x, z, episode=None):
     n = len(x)
     episode = np.arange(n) if episode is None else episode
     columns = tuple(Column("ball", f"f{k}") for k in range(z.shape[1]))
-    return Pairs(np.float32(x), z, columns, episode, np.zeros(n, int), np.zeros(n, int))
+    return Pairs(np.float32(x), z, columns, episode)
 
 
 def hidden_layer(state, width, seed):

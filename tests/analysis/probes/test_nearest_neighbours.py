@@ -67,4 +67,4 @@ def test_the_interval_holds_and_frames_of_an_episode_are_no_witnesses():
 def test_too_few_points_say_so():
     with pytest.raises(SegarError, match="more than 3"):
         ksg(np.zeros(3), np.zeros(3))
-    assert "100 episodes" in ksg_estimate(np.arange(9.0), np.arange(9.0), rng()).note
+    assert "100 episodes" in ksg_estimate(np.arange(9.0), np.arange(9.0), rng(), np.arange(9)).note

@@ -88,7 +88,7 @@ def test_critics_of_every_scale_find_nothing_where_nothing_is_and_all_where_all_
     hidden = rng.normal(size=(n, 6)) @ rng.normal(size=(6, 256))
     x, z = np.maximum(hidden, 0), rng.normal(size=(n, 6))
     columns = tuple(Column("ball", f"f{k}") for k in range(6))
-    independent = Pairs(np.float32(x), z, columns, np.arange(n), np.zeros(n, int), np.zeros(n, int))
+    independent = Pairs(np.float32(x), z, columns, np.arange(n))
     said = [
         probe_pairs(pairs, np.random.default_rng(2), ["jsd"], config).estimate[0]
         for pairs in (independent, independent.with_representation(z))
