@@ -76,36 +76,38 @@ Collected = tuple[Rollout, dict[str, float]]  # and mean figures of the episodes
 
 
 class Storage:
-    """Memory for one rollout: tensors for what the policy reads and computes, arrays for what environments return.
+    """Memory for one rollout: for what the policy reads and computes, and for what environments return.
 
     Args:
         size: numbers of steps and of environments.
         observation: observations of one step [N, ...], whose shape and dtype are taken.
         actions: number of components of an action.
+        device: where policy and rollout live.
+        place: where the environments run, and what they return is kept.
     """
 
-    def __init__(self, size: tuple[int, int], observation: Tensor, actions: int, device: torch.device) -> None:
+    def __init__(
+        self, size: tuple[int, int], observation: Tensor, actions: int, device: torch.device, place: torch.device
+    ) -> None:
         steps, num_envs = size
         self.observation = torch.empty((steps, *observation.shape), dtype=observation.dtype, device=device)
         self.u, self.loc, self.scale = (torch.empty((*size, actions), device=device) for _ in range(3))
         self.value = torch.empty((steps + 1, num_envs, 1), device=device)
-        self.reward = np.empty(size, np.float32)
-        self.terminated, self.done = np.empty(size, np.bool_), np.empty(size, np.bool_)
-        self.level_done = np.empty(size, np.bool_)
+        self.reward = torch.empty(size, device=place)
+        self.terminated, self.done, self.level_done = (
+            torch.empty(size, dtype=torch.bool, device=place) for _ in range(3)
+        )
 
     def rollout(self, next_value: Tensor, memory: Tensor) -> Rollout:
         """The content on the device, see :class:`Rollout`; only what environments returned is copied, and only to a GPU."""
-        reward, terminated, done, level_done = (
-            torch.from_numpy(array)[..., None].to(self.value.device)
-            for array in (self.reward, self.terminated, self.done, self.level_done)
-        )
-        value = self.value[:-1]
+        outcomes = (self.reward, self.terminated, self.done, self.level_done)
+        reward, terminated, done, level_done = (one[..., None].to(self.value.device) for one in outcomes)
         return Rollout(
             self.observation,
             self.u,
             self.loc,
             self.scale,
-            value,
+            self.value[:-1],
             next_value,
             reward,
             terminated,
@@ -118,10 +120,13 @@ class Storage:
 class RunningEpisodes:
     """What collectors keep between rollouts: environments, what was observed last, and what the policy remembers."""
 
-    env: Any
-    current: Any
-    memory: Tensor
-    device: torch.device
+    def __init__(
+        self, env: VectorEnv, policy: ActorCritic, num_steps: int, device: torch.device, joins_trials: bool
+    ) -> None:
+        self.env: Any = env  # which takes and gives arrays, or tensors
+        self.policy, self.num_steps, self.device, self.joins_trials = policy, num_steps, device, joins_trials
+        self.current, _ = env.reset()
+        self.memory = torch.zeros((env.num_envs, policy.memory_width), device=device)
 
     def restart(self) -> None:
         """Leaves the running episodes and begins others."""
@@ -162,15 +167,12 @@ class Collector(RunningEpisodes):
         joins_trials: bool = False,
         storages: int = 1,
     ) -> None:
-        self.env, self.policy, self.num_steps, self.device = env, policy, num_steps, device
-        self.joins_trials = joins_trials
-        self.current, _ = env.reset()
-        self.memory = torch.zeros((env.num_envs, policy.memory_width), device=device)
+        super().__init__(env, policy, num_steps, device, joins_trials)
         frames = torch.from_numpy(self.current)
         # What lies in pinned memory goes to the GPU while the processor does something else.
         self.pinned = torch.empty(frames.shape, dtype=frames.dtype, pin_memory=True) if device.type == "cuda" else None
         size, actions = (num_steps, env.num_envs), action_size(env)
-        self.storages = deque(Storage(size, frames, actions, device) for _ in range(storages))
+        self.storages = deque(Storage(size, frames, actions, device, frames.device) for _ in range(storages))
 
     def collect(self, rng: torch.Generator, more: bool = True) -> Collected:
         """The next rollout; ``rng`` draws the noise of actions. Only the asynchronous collector reads ``more``, whether
@@ -187,6 +189,8 @@ class Collector(RunningEpisodes):
         policy, first_memory, memory = self.policy, self.memory, self.memory
         storage = self.storages[0]
         self.storages.rotate(-1)
+        outcomes = (storage.reward, storage.terminated, storage.done, storage.level_done)
+        rewards, terminations, ends, level_ends = (one.numpy() for one in outcomes)
         noise = noise.to(self.device)
         ended: list[Mapping[str, np.ndarray]] = []
         cut: list[tuple[int, np.ndarray, Tensor, Tensor]] = []  # time, environments, last observations, memory
@@ -197,17 +201,17 @@ class Collector(RunningEpisodes):
                 u = torch.add(loc, scale * noise[t], out=storage.u[t])
                 storage.loc[t], storage.scale[t], storage.value[t] = loc, scale, value
                 self.current, reward, terminated, truncated, info = self.env.step(u.tanh().cpu().numpy())
-                np.logical_or(terminated, truncated, out=storage.done[t])
-                storage.reward[t], storage.terminated[t] = reward, terminated
-                storage.level_done[t] = info.get("new_level", storage.done[t])
+                np.logical_or(terminated, truncated, out=ends[t])
+                rewards[t], terminations[t] = reward, terminated
+                level_ends[t] = info.get("new_level", ends[t])
                 if "_final_obs" in info:
                     ended.append(figures_at_end(info))
-                    is_cut = truncated & storage.level_done[t] if self.joins_trials else truncated
+                    is_cut = truncated & level_ends[t] if self.joins_trials else truncated
                     if is_cut.any():
                         rows = np.flatnonzero(is_cut)
                         last = torch.from_numpy(info["final_obs"][rows]).to(self.device)
                         cut.append((t, rows, last, memory[torch.from_numpy(rows)]))
-                    memory = memory * torch.from_numpy(~storage.level_done[t])[:, None].to(self.device)
+                    memory = memory * torch.from_numpy(~level_ends[t])[:, None].to(self.device)
             last = torch.from_numpy(np.ascontiguousarray(self.current))
             storage.value[-1] = policy.step(last.to(self.device), memory)[2]
         self.memory = memory
