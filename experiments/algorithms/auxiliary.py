@@ -3,16 +3,17 @@
 A sub-class of :class:`Auxiliary` defines the loss, and how a rollout becomes batches for it.
 """
 
+from __future__ import annotations
+
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
 
 import torch
-from tensordict import TensorDict, TensorDictParams
-from tensordict.nn import TensorDictModule
+from tensordict import TensorDict
 from torch import Tensor, nn
-from torchrl.objectives import SoftUpdate
-from torchrl.objectives.common import LossModule
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from segar.envs import VectorEnv
 from segar.experiments.algorithms.ppo import PPO
@@ -36,9 +37,8 @@ class Auxiliary(SavedState, ABC):
         self.policy, self.rng = self.ppo.policy, self.ppo.rng
         self.encoder: Any = self.policy.actor.encoder
         self.loss: Any = self.make_loss(action_size(env))
-        self.targets: Any = SoftUpdate(self.loss, tau=config.tau) if config.tau < 1 else None
         known = {id(weight) for weight in self.encoder.parameters()}
-        own = [weight for weight in self.loss.parameters() if id(weight) not in known]
+        own = [weight for weight in self.loss.parameters() if weight.requires_grad and id(weight) not in known]
         self.weights = [*self.encoder.parameters(), *own]
         if config.auxiliary_learning_rate is None:
             self.optimizer, self.own_optimizer = self.ppo.optimizer, None
@@ -52,7 +52,7 @@ class Auxiliary(SavedState, ABC):
     make_policy = staticmethod(PPO.make_policy)
 
     @abstractmethod
-    def make_loss(self, actions: int) -> LossModule:
+    def make_loss(self, actions: int) -> CodeLoss:
         """The auxiliary loss, with freshly drawn weights; its figure ``loss`` is minimised."""
 
     @abstractmethod
@@ -78,8 +78,7 @@ class Auxiliary(SavedState, ABC):
             figures["loss"].backward()
             nn.utils.clip_grad_norm_(self.weights, self.config.max_grad_norm)
             self.optimizer.step()
-            if self.targets is not None:
-                self.targets.step()
+            self.loss.follow()
             for name, value in figures.items():
                 totals[name] = totals.get(name, 0.0) + value.detach()
         steps = self.config.auxiliary_minibatches
@@ -102,29 +101,26 @@ class Auxiliary(SavedState, ABC):
         return module.to(self.ppo.device)
 
 
-class CodeLoss(LossModule):
+class CodeLoss(nn.Module):
     """A loss that compares codes of frames with those of a target network.
 
     Args:
         network: frames -> codes.
-        distinct: whether targets have weights of their own, which :class:`SoftUpdate` moves; otherwise they are the network's.
+        tau: the share by which the targets' own weights move towards the network's; with 1 they are the network's.
     """
 
-    network: Any
-    network_params: TensorDictParams
-    target_network_params: TensorDictParams
-
-    def __init__(self, network: nn.Module, distinct: bool) -> None:
+    def __init__(self, network: nn.Module, tau: float) -> None:
         super().__init__()
-        module = TensorDictModule(network, in_keys=["frames"], out_keys=["code"])
-        self.convert_to_functional(module, "network", create_target_params=distinct)
-
-    def codes(self, frames: Tensor) -> Tensor:
-        """The codes [n, d] of frames, by the network with its present weights."""
-        return self.network(TensorDict({"frames": frames}, [len(frames)]))["code"]
+        self.network: Any = network
+        self.target_network = network if tau == 1 else copy.deepcopy(network).requires_grad_(False)
+        self.average: Any = get_ema_multi_avg_fn(1 - tau)
 
     @torch.no_grad()
     def target_codes(self, frames: Tensor) -> Tensor:
         """The codes [n, d] of frames, by the target network."""
-        with self.target_network_params.to_module(self.network, preserve_module_state=False):
-            return self.codes(frames)
+        return self.target_network(frames)
+
+    def follow(self) -> None:
+        """Moves the targets' weights towards the network's."""
+        if self.target_network is not self.network:
+            self.average(list(self.target_network.parameters()), list(self.network.parameters()), None)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import torch
-from tensordict import TensorDict, TensorDictBase
-from torch import nn
+from tensordict import TensorDict
+from torch import Tensor, nn
 from torch.nn import functional as F
 
 from segar.experiments.algorithms.auxiliary import Auxiliary, CodeLoss
@@ -26,7 +26,7 @@ class CURL(Auxiliary):
         code = nn.Sequential(nn.Linear(width, wanted), nn.LayerNorm(wanted)) if wanted else nn.Identity()
         similarity = nn.Linear(wanted or width, wanted or width, bias=False)
         code, similarity = self.with_fresh_weights(code), self.with_fresh_weights(similarity)
-        return CURLLoss(self.encoder, code, similarity, distinct=self.config.tau < 1)
+        return CURLLoss(self.encoder, code, similarity, self.config.tau)
 
     def batches(self, rollout: Rollout) -> Iterator[TensorDict]:
         """Disjoint parts of the rollout's frames, two views of each."""
@@ -43,17 +43,17 @@ class CURLLoss(CodeLoss):
     Args:
         code: maps a representation to the code that is compared; it has targets, as the encoder does.
         similarity: W, a dense layer without bias.
-        distinct: see :class:`segar.experiments.algorithms.auxiliary.CodeLoss`.
+        tau: see :class:`segar.experiments.algorithms.auxiliary.CodeLoss`.
     """
 
-    def __init__(self, encoder: nn.Module, code: nn.Module, similarity: nn.Module, distinct: bool) -> None:
-        super().__init__(nn.Sequential(encoder, code), distinct)
+    def __init__(self, encoder: nn.Module, code: nn.Module, similarity: nn.Module, tau: float) -> None:
+        super().__init__(nn.Sequential(encoder, code), tau)
         self.similarity = similarity
 
-    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+    def forward(self, tensordict: TensorDict) -> dict[str, Tensor]:
         """``loss`` [nats] and ``accuracy``, the share of queries whose own key is the nearest, of ``query`` and ``key``."""
-        queries = self.codes(tensordict["query"])
+        queries = self.network(tensordict["query"])
         scores = self.similarity(queries) @ self.target_codes(tensordict["key"]).T
         own = torch.arange(len(scores), device=scores.device)
         accuracy = (scores.detach().argmax(-1) == own).float().mean()
-        return TensorDict({"loss": F.cross_entropy(scores, own), "accuracy": accuracy})
+        return {"loss": F.cross_entropy(scores, own), "accuracy": accuracy}

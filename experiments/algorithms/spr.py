@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDict
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -24,7 +24,7 @@ class SPR(Auxiliary):
     def make_loss(self, actions: int) -> SPRLoss:
         """The loss of the predictions."""
         model = MODELS[self.config.model](self.encoder.width, self.config.model_width, actions)  # type: ignore[call-arg]
-        return SPRLoss(self.encoder, self.with_fresh_weights(model), self.config.weight, distinct=self.config.tau < 1)
+        return SPRLoss(self.encoder, self.with_fresh_weights(model), self.config.weight, self.config.tau)
 
     def batches(self, rollout: Rollout) -> Iterator[TensorDict]:
         """Disjoint parts of all sequences in a rollout."""
@@ -59,34 +59,23 @@ class SPRLoss(CodeLoss):
     Args:
         model: predicts codes, and projects representations to codes; the projection has targets, as the encoder does.
         weight: of the loss.
-        distinct: see :class:`segar.experiments.algorithms.auxiliary.CodeLoss`.
+        tau: see :class:`segar.experiments.algorithms.auxiliary.CodeLoss`.
     """
 
-    def __init__(self, encoder: nn.Module, model: Model, weight: float, distinct: bool) -> None:
-        super().__init__(_Projected(encoder, model), distinct)
+    def __init__(self, encoder: nn.Module, model: Model, weight: float, tau: float) -> None:
+        super().__init__(nn.Sequential(encoder, model), tau)
         self.weight = weight
 
-    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+    def forward(self, tensordict: TensorDict) -> dict[str, Tensor]:
         """``loss``, and ``cosine`` between predicted and seen, of what :meth:`SPR.batches` yields."""
         horizon = tensordict["action"].shape[1]
-        online = self.network.module
-        predicted = online.model.predict(online.encoder(tensordict["first"]), tensordict["action"])
+        encoder, model = self.network
+        predicted = model.predict(encoder(tensordict["first"]), tensordict["action"])
         seen = self.target_codes(tensordict["following"].flatten(0, 1)).unflatten(0, (-1, horizon))
         cosine = F.cosine_similarity(predicted, seen, dim=-1)
         valid = tensordict["valid"].float()
         mean = (cosine * valid).sum() / valid.sum().clamp(min=1.0)
-        return TensorDict({"loss": self.weight * (2.0 - 2.0 * mean), "cosine": mean.detach()})
-
-
-class _Projected(nn.Module):
-    """Frames -> codes, by encoder and projection: all modules that have target weights."""
-
-    def __init__(self, encoder: nn.Module, model: Model) -> None:
-        super().__init__()
-        self.encoder, self.model = encoder, model
-
-    def forward(self, frames: Tensor) -> Tensor:
-        return self.model.project(self.encoder(frames))
+        return {"loss": self.weight * (2.0 - 2.0 * mean), "cosine": mean.detach()}
 
 
 class Model(nn.Module, ABC):
@@ -97,7 +86,7 @@ class Model(nn.Module, ABC):
         """Codes [n, k, d] of the k next representations, from the first one [n, width] and actions [n, k, actions]."""
 
     @abstractmethod
-    def project(self, representation: Tensor) -> Tensor:
+    def forward(self, representation: Tensor) -> Tensor:
         """The code [n, d] of a representation."""
 
 
@@ -119,7 +108,7 @@ class ActionProjection(Model):
         action = self.action(actions.squeeze(1))
         return self.predictor(self.projection(torch.cat([representation, action], -1)))[:, None]
 
-    def project(self, representation: Tensor) -> Tensor:
+    def forward(self, representation: Tensor) -> Tensor:
         """See :class:`Model`."""
         no_action = representation.new_zeros(len(representation), self.width)
         return self.projection(torch.cat([representation, no_action], -1))
@@ -146,7 +135,7 @@ class Transition(Model):
             following.append(representation)
         return self.predictor(self.projection(torch.stack(following, 1)))
 
-    def project(self, representation: Tensor) -> Tensor:
+    def forward(self, representation: Tensor) -> Tensor:
         """See :class:`Model`."""
         return self.projection(representation)
 

@@ -61,7 +61,8 @@ def test_the_gradient_reaches_the_encoder_and_no_target_and_nothing_of_the_polic
     moved = {name for name, weight in one.policy.named_parameters() if weight.grad is not None and weight.grad.any()}
     encoder = {f"actor.encoder.{name}" for name, _ in one.encoder.named_parameters()}
     assert moved == encoder
-    assert not any(value.requires_grad for value in one.loss.target_network_params.values(True, True))
+    targets = one.loss.target_network.parameters() if one.config.tau < 1 else ()  # the others are the encoder's
+    assert not any(weight.requires_grad for weight in targets)
     own = [w for w in one.weights if not any(w is v for v in one.policy.parameters())]
     assert own and all(weight.grad is not None for weight in own)
 
@@ -69,7 +70,7 @@ def test_the_gradient_reaches_the_encoder_and_no_target_and_nothing_of_the_polic
 def test_every_weight_of_the_loss_is_learned_and_the_encoder_is_the_policys(config):
     one = learner(config)
     learned = {id(w) for group in one.optimizer.param_groups for w in group["params"]}
-    assert {id(w) for w in one.loss.parameters()} <= learned
+    assert {id(w) for w in one.loss.parameters() if w.requires_grad} <= learned
     assert {id(w) for w in one.encoder.parameters()} <= {id(w) for w in one.loss.parameters()}
     before = [w.detach().clone() for w in one.weights]
     one.iterate()
@@ -82,28 +83,28 @@ def test_the_target_encoder_is_the_moving_average_of_the_encoder(name):
     tau = one.config.tau
     rollout, _ = one.ppo.collect()
     one.ppo.learn(rollout)  # PPO's steps do not move it
-    expected = one.loss.target_network_params.clone()
+    expected = [weight.clone() for weight in one.loss.target_network.parameters()]
     passed = []
-    step = one.targets.step
+    follow = one.loss.follow
 
     def noting():
-        passed.append(one.loss.network_params.detach().clone())
-        step()
+        passed.append([weight.detach().clone() for weight in one.loss.network.parameters()])
+        follow()
 
-    one.targets.step = noting
+    one.loss.follow = noting
     one.learn(rollout)
     assert len(passed) == one.config.auxiliary_minibatches
     for quick in passed:
-        expected = expected.apply(lambda slow, new: slow + tau * (new - slow), quick)
-    for key, value in one.loss.target_network_params.items(True, True):
-        torch.testing.assert_close(value, expected[key])
+        expected = [slow + tau * (new - slow) for slow, new in zip(expected, quick, strict=True)]
+    for weight, slow in zip(one.loss.target_network.parameters(), expected, strict=True):
+        torch.testing.assert_close(weight, slow)
 
 
 def test_a_target_without_delay_is_the_encoder_itself():
     one = learner(CONFIGS["spr_original"])
     one.iterate()
-    for key, value in one.loss.target_network_params.items(True, True):
-        assert torch.equal(value, one.loss.network_params[key])
+    for slow, quick in zip(one.loss.target_network.parameters(), one.loss.network.parameters(), strict=True):
+        assert torch.equal(slow, quick)
 
 
 def test_two_views_of_each_frame_are_contrasted_and_every_frame_is_seen(monkeypatch):
@@ -128,8 +129,7 @@ def test_the_contrast_is_that_of_its_definition():
     with torch.no_grad():
         figures = one.loss(batch)
         queries = one.encoder(batch["query"])
-        with one.loss.target_network_params.to_module(one.loss.network):
-            keys = one.encoder(batch["key"])
+        keys = one.loss.target_codes(batch["key"])
         scores = queries @ one.loss.similarity.weight.T @ keys.T
     expected = -sum(math.log(F.softmax(scores, -1)[i, i].item()) for i in range(12)) / 12
     assert figures["loss"].item() == pytest.approx(expected, rel=1e-4)
@@ -199,12 +199,11 @@ def test_the_error_is_twice_the_cosine_distance_of_what_was_foretold_and_what_wa
     rollout, _ = one.ppo.collect()
     one.learn(rollout)
     batch = next(iter(one.batches(rollout)))
-    model = one.loss.network.module.model
+    _, model = one.loss.network
     with torch.no_grad():
         loss = one.loss(batch)["loss"]
         predicted = model.predict(one.encoder(batch["first"]), batch["action"])[:, 0]
-        with one.loss.target_network_params.to_module(one.loss.network):
-            seen = model.project(one.encoder(batch["following"][:, 0]))
+        seen = one.loss.target_codes(batch["following"][:, 0])
     a, b = F.normalize(predicted, dim=-1), F.normalize(seen, dim=-1)
     squared = ((a - b) ** 2).sum(-1)[batch["valid"][:, 0]]
     torch.testing.assert_close(loss, squared.mean())
@@ -213,7 +212,7 @@ def test_the_error_is_twice_the_cosine_distance_of_what_was_foretold_and_what_wa
 def test_actions_matter_to_what_is_foretold():
     for name in ("spr", "spr_original"):
         one = learner(CONFIGS[name])
-        model, horizon = one.loss.network.module.model, one.config.horizon
+        (_, model), horizon = one.loss.network, one.config.horizon
         phi = torch.rand(2, 256, generator=torch.Generator().manual_seed(0))
         still, moved = torch.zeros(2, horizon, 2), torch.zeros(2, horizon, 2)
         moved[:, -1] = 1.0
