@@ -64,10 +64,7 @@ class ProjectedCritic(nn.Module):
 class DrQ(OffPolicy):
     """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
-    @staticmethod
-    def make_policy(config: DrQConfig, observation_shape: tuple[int, ...], actions: int) -> DrQPolicy:
-        """The policy's network; its weights are to be drawn or loaded."""
-        return DrQPolicy(config, observation_shape, actions)
+    make_policy = DrQPolicy
 
     def make_loss(self) -> SACLoss:
         """The losses of CNN, policy and two critics."""

@@ -47,6 +47,7 @@ class PPG(PPO):
 
     config: PPGConfig
     parts = (*PPO.parts, "auxiliary_optimizer")
+    make_policy = PPGPolicy
 
     def __init__(self, config: PPGConfig, env: VectorEnv, frames: int, seed: int) -> None:
         size = config.num_envs * config.num_steps
@@ -59,11 +60,6 @@ class PPG(PPO):
         rate = config.auxiliary_learning_rate
         self.auxiliary_optimizer = torch.optim.Adam(self.policy.parameters(), lr=rate, eps=config.adam_eps, fused=True)
         self.phase: list[TensorDict] = []  # of the rollouts since the last auxiliary phase: what that phase needs
-
-    @staticmethod
-    def make_policy(config: Any, observation_shape: tuple[int, ...], actions: int) -> Any:
-        """The policy's network; its weights are to be drawn or loaded."""
-        return PPGPolicy(config, observation_shape, actions)
 
     def iterate(self) -> Mapping[str, float]:
         """A policy phase, or what is left of the budget, and an auxiliary phase; returns the means of their figures."""

@@ -32,8 +32,14 @@ from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from segar.envs import VectorEnv
 from segar.experiments.collection.async_collector import AsyncCollector
-from segar.experiments.collection.collector import Collected, Collector, Rollout, action_size, observation_shape
-from segar.experiments.collection.device_collector import DeviceCollector
+from segar.experiments.collection.collector import (
+    Collected,
+    Collector,
+    DeviceCollector,
+    Rollout,
+    action_size,
+    observation_shape,
+)
 from segar.experiments.collection.rewards import ReturnScale, learner_reward
 from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.networks.devices import usable_device
@@ -63,6 +69,8 @@ class PPO(SavedState):
     def __init__(self, config: PPOConfig, env: VectorEnv, frames: int, seed: int) -> None:
         self.config, self.budget = config, frames
         self.device = usable_device(config.device)
+        # Whether returns go on over the trials of a level; a policy without a memory gains nothing in later ones.
+        self.joins_trials: bool = getattr(config, "joins_trials", False)
         self.rng = torch.Generator().manual_seed(seed)
         self.policy: Any = self.make_policy(config, observation_shape(env), action_size(env))
         self.policy.initialize(self.rng)
@@ -78,18 +86,13 @@ class PPO(SavedState):
         # Called with each rollout, its rewards as they are learned from and its advantages [T, N, 1]; for curricula.
         self.listen: Callable[[Rollout, Tensor, Tensor], None] | None = None
 
-    @property
-    def joins_trials(self) -> bool:
-        """Whether returns go on over the trials of a level; a policy without a memory gains nothing in later ones."""
-        return False
-
     @staticmethod
     def make_env(levels: Levels, num_envs: int, **options: Any) -> VectorEnv:
         """Environments that start the next episode by themselves, and whose arrays are overwritten by the next step."""
         return VectorEnv(levels, num_envs, copy=False, true_factors=False, **options)
 
     @staticmethod
-    def make_policy(config: PPOConfig, observation_shape: tuple[int, ...], actions: int) -> PPOPolicy:
+    def make_policy(config: Any, observation_shape: tuple[int, ...], actions: int) -> Any:
         """The policy's network; its weights are to be drawn or loaded."""
         return PPOPolicy(config, observation_shape, actions)
 

@@ -103,15 +103,7 @@ class RecurrentPPO(PPO):
 
     config: RecurrentPPOConfig
 
-    @property
-    def joins_trials(self) -> bool:
-        """Whether returns go on over the trials of a level."""
-        return self.config.joins_trials
-
-    @staticmethod
-    def make_policy(config: Any, observation_shape: tuple[int, ...], actions: int) -> Any:
-        """The policy's network; its weights are to be drawn or loaded."""
-        return RecurrentPolicy(config, observation_shape, actions)
+    make_policy = RecurrentPolicy
 
     def losses(self, minibatch: TensorDict) -> dict[str, Tensor]:
         """The loss's figures on sequences [n, T]; policy and critic read the core's output."""

@@ -145,10 +145,7 @@ def smallest(critics: nn.ModuleList, features: Tensor, u: Tensor) -> Tensor:
 class SAC(OffPolicy):
     """The learner, see :class:`segar.experiments.algorithms.learner.Learner`."""
 
-    @staticmethod
-    def make_policy(config: SACConfig, observation_shape: tuple[int, ...], actions: int) -> SACPolicy:
-        """The policy's network; its weights are to be drawn or loaded."""
-        return SACPolicy(config, observation_shape, actions)
+    make_policy = SACPolicy
 
     def make_loss(self) -> SACLoss:
         """The losses of the policy and two critics."""

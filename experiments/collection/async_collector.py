@@ -46,9 +46,8 @@ class AsyncCollector:
         )
         self.stream = torch.cuda.Stream(device) if device.type == "cuda" else None
         self.pending: Future[Collected] | None = None
-        self.before: dict[
-            str, Any
-        ] = {}  # the state in which the pending collection began, without the weights that act
+        # The state in which the pending collection began, without the weights that act.
+        self.before: dict[str, Any] = {}
 
     def collect(self, rng: torch.Generator, more: bool) -> Collected:
         """The next rollout; if ``more`` are wanted, the one after it is begun. ``rng`` draws the noise of actions."""

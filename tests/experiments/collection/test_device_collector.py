@@ -18,7 +18,7 @@ from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
 from segar.experiments.algorithms.sac import SAC
 from segar.experiments.algorithms.spr import SPR
-from segar.experiments.collection.device_collector import DeviceCollector
+from segar.experiments.collection.collector import DeviceCollector
 from segar.experiments.settings import (
     ConfigError,
     CURLConfig,
