@@ -8,6 +8,6 @@ from segar.experiments.curricula.curriculum import Curriculum
 from segar.experiments.curricula.episodes import Ended
 from segar.experiments.curricula.explorer import Explorer, Tried
 from segar.experiments.curricula.level_rows import LevelRows
-from segar.experiments.curricula.scored_rows import ScoredRows
+from segar.experiments.curricula.scores import ScoredRows
 
 __all__ = ["Curriculum", "Ended", "Explorer", "LevelRows", "ScoredRows", "Tried"]

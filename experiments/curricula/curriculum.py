@@ -14,7 +14,6 @@ import numpy as np
 from segar.experiments.curricula.episodes import Ended
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import LevelRows
-from segar.experiments.settings import CurriculumConfig, class_behind
 
 
 class Curriculum(Protocol):
@@ -52,8 +51,3 @@ class Curriculum(Protocol):
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continues from what :meth:`state_dict` returned."""
-
-
-def curriculum_class_of(config: CurriculumConfig) -> type[Any]:
-    """The class that ``config.chooser`` names; raises :class:`ConfigError` that lists the methods which it lacks."""
-    return class_behind(config, "chooser", Curriculum, "curriculum")

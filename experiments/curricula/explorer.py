@@ -67,9 +67,8 @@ class Explorer(SavedState):
     def best_returns(self, levels: Levels) -> np.ndarray:
         """The return of the best episode on each level that the planner finds, float64; no step of it is the agent's."""
         samples, iterations = self.search
-        task = None if self.env is None else self.env.task
         rng = np.random.default_rng([self.seed, PLANNING, self._next()])
-        found = plan(levels, task or self.agent.collector.env.task, rng=rng, samples=samples, iterations=iterations)
+        found = plan(levels, self.agent.collector.env.task, rng=rng, samples=samples, iterations=iterations)
         self.planned += found.rollouts
         return found.returns
 
@@ -90,24 +89,24 @@ class Explorer(SavedState):
         rng = torch.Generator().manual_seed(high)
         observation, _ = env.reset(seed=low, options={"levels": np.arange(self.batch)})
         memory = torch.zeros((self.batch, policy.memory_width), device=device)
-        values, rewards, ends, deaths, played = [], [], [], [], []
+        steps = []
         running, success = np.ones(self.batch, np.bool_), np.zeros(self.batch, np.bool_)
         with successive(policy):
             while running.any():
                 loc, scale, value, memory = policy.step(torch.as_tensor(observation).to(device), memory)
-                values.append(value.cpu())
                 u = loc + scale * torch.randn(loc.shape, generator=rng).to(device)
                 observation, reward, terminated, truncated, info = env.step(u.tanh().cpu().numpy())
-                played.append(running)
-                rewards.append(np.where(running, reward, 0.0).astype(np.float32))
-                deaths.append(terminated)
-                ends.append(terminated | truncated)
+                ends = terminated | truncated
+                steps.append(
+                    (value.cpu(), running, np.where(running, reward, 0.0).astype(np.float32), ends, terminated)
+                )
                 success = success | (running & info["success"])
-                running = running & ~ends[-1]
+                running = running & ~ends
             last = policy.step(torch.as_tensor(observation).to(device), memory)[2].cpu()
+        values, played, *outcomes = zip(*steps, strict=True)
         mask = np.stack(played)[:, : len(level)]
         value, following = torch.stack(values), torch.stack([*values[1:], last])
-        reward, done, dead = (torch.from_numpy(np.stack(one))[..., None] for one in (rewards, ends, deaths))
+        reward, done, dead = (torch.from_numpy(np.stack(one))[..., None] for one in outcomes)
         return Tried(self._ended(level, mask, value, following, reward, done, dead), success[: len(level)])
 
     def _ended(

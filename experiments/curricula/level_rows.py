@@ -26,7 +26,6 @@ class LevelRows:
         self.env, self.stream = env, stream
         self.number = np.array(env.levels.provenance.indices if stream is not None else np.arange(len(env.levels)))
         self.identity = np.arange(len(self.number))
-        self.identities = len(self.number)  # that were given so far
 
     def __len__(self) -> int:
         return len(self.number)
@@ -57,8 +56,7 @@ class LevelRows:
             return
         self.env.replace_levels(rows, levels)
         self.number[rows] = MADE if made else levels.provenance.indices
-        self.identity[rows] = self.identities + np.arange(len(rows))
-        self.identities += len(rows)
+        self.identity[rows] = self.identity.max() + 1 + np.arange(len(rows))  # the newest level is in a row
 
     def weigh(self, weights: np.ndarray | None) -> None:
         """Has episodes begin on rows in proportion to these weights, equally often where there are none above 0."""
@@ -67,13 +65,11 @@ class LevelRows:
     def state_dict(self) -> dict[str, Any]:
         """The levels with their weights, names and origins."""
         stream = {} if self.stream is None else {"next": self.stream.next}
-        own = {"number": self.number, "identity": self.identity, "identities": self.identities}
-        return {"pool": self.env.pool.arrays(), **own, **stream}
+        return {"pool": self.env.pool.arrays(), "number": self.number, "identity": self.identity, **stream}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> LevelPool:
         """Continues from ``state``; returns the pool that the environments are to be restored with."""
         self.number, self.identity = state["number"].copy(), state["identity"].copy()
-        self.identities = state["identities"]
         if self.stream is not None:
             self.stream.go_to(state["next"])
         return self.env.pool.with_arrays(state["pool"])

@@ -11,8 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from segar.experiments.curricula.episodes import Ended
-from segar.experiments.curricula.scored_rows import ScoredRows
-from segar.experiments.curricula.scores import ScoringCurriculum, scores_of
+from segar.experiments.curricula.scores import ScoredRows, ScoringCurriculum, scores_of
 from segar.experiments.settings import RobustPLRConfig
 from segar.levels import Levels
 

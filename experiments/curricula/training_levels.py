@@ -11,7 +11,7 @@ from torch import Tensor
 from segar.envs import VectorEnv
 from segar.experiments.collection.collector import Rollout
 from segar.experiments.collection.saved_state import SavedState, arrays_in, tensors_in
-from segar.experiments.curricula.curriculum import curriculum_class_of
+from segar.experiments.curricula.curriculum import Curriculum
 from segar.experiments.curricula.episodes import EpisodeSums
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import LevelRows
@@ -19,7 +19,7 @@ from segar.experiments.curricula.played_env import PlayedEnv
 from segar.experiments.curricula.played_log import PlayedLog
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.levels.endless import Stream, stream_of, target_of
-from segar.experiments.settings import ConfigError, CurriculumConfig, RunConfig, UniformConfig
+from segar.experiments.settings import ConfigError, CurriculumConfig, RunConfig, UniformConfig, class_behind
 from segar.levels import Levels
 
 FIGURES = "curriculum/"  # begins the names of what curricula say of themselves
@@ -49,17 +49,16 @@ class TrainingLevels(SavedState):
         settings = settings_of(config)
         assert settings is not None  # the caller has asked
         self.config: CurriculumConfig = settings
-        kind = curriculum_class_of(self.config)
+        kind: Any = class_behind(self.config, "chooser", Curriculum, "curriculum")
         stream = stream_of(prepared) if config.levels.is_endless else None
         check_fits(self.config, config, stream)
         levels = train if stream is None else stream.take(kind.rows_needed(self.config, config.algorithm.num_envs))
         env = make_env(levels)
-        if not isinstance(env, VectorEnv) or env.runs_on_gpu:
-            what = "environments on a GPU keep their levels: algorithm.env_device=cpu"
-            if not isinstance(env, VectorEnv):
-                what = f"{config.algorithm.name} makes its environments as {type(env).__name__}, and only the levels of"
-                what += " segar.envs.VectorEnv can be chosen: its learner needs make_env"
-            raise ConfigError(f"{place_of(config)}: {what}")
+        if not isinstance(env, VectorEnv):
+            raise ConfigError(
+                f"{place_of(config)}: {config.algorithm.name} makes its environments as {type(env).__name__}, and only the"
+                " levels of segar.envs.VectorEnv can be chosen: its learner needs make_env"
+            )
         options: Any = self.config
         batch = getattr(options, "batch", config.algorithm.num_envs)
         search = (getattr(options, "planner_samples", 16), getattr(options, "planner_iterations", 4))
@@ -69,7 +68,6 @@ class TrainingLevels(SavedState):
         self.env = PlayedEnv(env, self.rows, self.curriculum)
         self.log = PlayedLog(train, target_of(prepared), test)
         self.sums: EpisodeSums | None = None
-        self.agent: Any = None
         self.steps = 0  # of all environments together, so many were taken note of
         self.lines = 0  # intervals that ended
 
@@ -84,7 +82,7 @@ class TrainingLevels(SavedState):
                 f" {type(learner).__name__} has none, because it learns from a replay. Choose PPO or recurrent PPO, or"
                 " curriculum=uniform"
             )
-        self.agent = self.explorer.agent = agent
+        self.explorer.agent = agent
         self.sums = EpisodeSums(agent.config.num_envs, agent.config.gamma)
         agent.listen = self.listen
 
@@ -101,12 +99,12 @@ class TrainingLevels(SavedState):
         figures = self.advance(learner)
         if getattr(self.curriculum, "starts_anew", False):
             self.env.started = []
-            self.agent.collector.restart()
+            self.explorer.agent.collector.restart()
         return figures
 
     def advance(self, learner: Any) -> Mapping[str, float]:
         """Lets the curriculum go on after an iteration of the learner, and logs what was played; returns figures."""
-        steps = learner.frames // self.env.num_envs if self.agent is None else len(self.env.steps) + self.steps
+        steps = learner.frames // self.env.num_envs if self.explorer.agent is None else len(self.env.steps) + self.steps
         taken = min(steps - self.steps, len(self.env.steps))
         began = [part for _ in range(taken) for part in self.env.steps.popleft().began]
         self.steps = steps
@@ -116,8 +114,8 @@ class TrainingLevels(SavedState):
         figures = dict(self.curriculum.advance(learner.frames))
         if tried < self.explorer.steps:
             figures["tried_frames"] = float(self.explorer.steps - tried)
-            if self.agent is not None and getattr(self.config, "counts_tried", False):
-                self.agent.frames += self.explorer.steps - tried
+            if self.explorer.agent is not None and getattr(self.config, "counts_tried", False):
+                self.explorer.agent.frames += self.explorer.steps - tried
         if self.explorer.planned:
             figures["planned_episodes"] = float(self.explorer.planned - planned)
         figures = {f"{FIGURES}{name}": value for name, value in figures.items()}

@@ -9,7 +9,7 @@ from segar.envs import VectorEnv
 from segar.experiments.curricula.accel import ACCEL
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import MADE, LevelRows
-from segar.experiments.curricula.scored_rows import ScoredRows
+from segar.experiments.curricula.scores import ScoredRows
 from segar.experiments.curricula.training_levels import TrainingLevels
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.levels.endless import stream_of
