@@ -28,8 +28,9 @@ Hidden = Mapping[str, list[type[Factor]]]
 Values = dict[tuple[str, type[Factor]], np.ndarray]  # of an entity's factor, [level or environment, component]
 
 
-def advice(prepared: Prepared) -> Iterator[str]:
-    """Warnings of what an agent learns badly or not at all from, of what it does not see, and of a test without new levels."""
+def advice(prepared: Prepared, policy: Any) -> Iterator[str]:
+    """Warnings of what an agent with this policy learns badly or not at all from, of what it does not see, and of a test
+    without new levels."""
     config, (train, test) = prepared.config, prepared.level_sets
     for name in check_results(prepared, train, test):
         yield (
@@ -59,28 +60,27 @@ def advice(prepared: Prepared) -> Iterator[str]:
             f"warning: {share:.0%} of the test levels are training levels, too, so the gap says little or nothing of levels"
             " that the agent has not seen; name others: levels.test=..."
         )
+    if config.trials > 1:
+        yield from advice_on_trials(prepared, policy)
 
 
-def advice_on_trials(prepared: Prepared, policy: Any) -> list[str]:
-    """Warnings, where there are several trials and the policy has no memory, or it pays never to end one."""
+def advice_on_trials(prepared: Prepared, policy: Any) -> Iterator[str]:
+    """A warning of several trials where the policy has no memory, or where it pays never to end one."""
     config = prepared.config
-    if config.trials == 1:
-        return []
     if not hasattr(policy, "begin"):
-        return [
+        yield (
             f"warning: trials={config.trials}, and the policy of algorithm={config.algorithm.name} has no memory: it can carry"
             f" nothing from one trial to the next. It meets each level {config.trials} times in a row, and its trials differ by"
             " chance alone, so that the adaptation gain says nothing of it. An algorithm with a memory adapts:"
             " algorithm=ppo_recurrent"
-        ]
-    if getattr(config.algorithm, "joins_trials", False) and trials_cost(prepared):
-        return [
+        )
+    elif getattr(config.algorithm, "joins_trials", False) and trials_cost(prepared):
+        yield (
             f"warning: trials={config.trials}, and the task {prepared.task.name} rewards the first step"
             " with less than 0 everywhere. Returns go on over the trials of a level, so an agent that ends a trial early begins"
             " the next one and its costs early, and may learn not to end any. algorithm.joins_trials=false ends the return with"
             " each trial and keeps the memory (algorithm=ppo_recurrent_trials); or reward success"
-        ]
-    return []
+        )
 
 
 def trials_cost(prepared: Prepared) -> bool:

@@ -26,7 +26,7 @@ from segar.experiments.runs.run_folder import (
 )
 from segar.experiments.runs.versions import in_words, versions
 from segar.experiments.settings import ConfigError, RunConfig
-from segar.experiments.training.advice import advice, advice_on_trials
+from segar.experiments.training.advice import advice
 from segar.experiments.training.training_loop import Training
 from segar.levels import Levels, hash_of_levels
 
@@ -53,13 +53,11 @@ def prepare(
     chosen = training_levels(kind, prepared)
     env = make_environment(kind, prepared, train) if chosen is None else chosen.env
     check_observations(prepared, train, test)
-    for line in advice(prepared):
-        say(line)
     algorithm = computed_as_begun(folder, config).algorithm
     learner = make_learner(kind, algorithm, env, config.scale.frames, config.seed)
     if chosen is not None:
         chosen.connect(learner)
-    for line in advice_on_trials(prepared, learner.policy):
+    for line in advice(prepared, learner.policy):
         say(line)
     code = executed_code(prepared) if code is None else code
     training = Training(prepared, folder, learner, env, journal, signals, code, chosen)
