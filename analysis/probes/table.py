@@ -4,7 +4,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -108,7 +108,7 @@ def represent(kind: str, frames: Frames, trained: Pairs, folder: Path, rng: np.r
     if kind == "pixel PCA":
         return components(frames, rng)
     if kind == IDENTITY:
-        return identity(trained)
+        return trained.with_representation(standardised(trained.factors, trained.columns))
     if kind == "shuffled":
         return shuffled(trained, rng)
     raise SegarError(f"representation '{kind}' is unknown")
@@ -125,22 +125,12 @@ def untrained(folder: Path, rng: np.random.Generator) -> PolicyNetwork:
 
 def components(frames: Frames, rng: np.random.Generator) -> Pairs:
     """At most 64 principal components of the observations, of frames drawn at random; they see no factor."""
-    pairs = frames.pairs(flat)
+    pairs = frames.pairs(lambda observation: observation.reshape(len(observation), -1))
     some = rng.permutation(len(pairs))[:FITTED_ON]
     size = min(COMPONENTS, len(some), pairs.representation.shape[1])
     start = int(rng.integers(2**31))
     model = PCA(size, svd_solver="randomized", iterated_power=POWER_ITERATIONS, random_state=start)  # type: ignore[arg-type]
     return pairs.with_representation(model.fit(pairs.representation[some]).transform(pairs.representation))
-
-
-def flat(observation: Any) -> Any:
-    """Observations as vectors [n, d]."""
-    return observation.reshape(len(observation), -1)
-
-
-def identity(pairs: Pairs) -> Pairs:
-    """The factors themselves as their representation: what the probes say of one that knows everything."""
-    return pairs.with_representation(standardised(pairs.factors, pairs.columns))
 
 
 def shuffled(pairs: Pairs, rng: np.random.Generator) -> Pairs:

@@ -213,14 +213,10 @@ def _load_weights(path: Path, policy: nn.Module, content: Mapping[str, Any]) -> 
     if stored != here:
         odd = next(name for name in (*here, *stored) if stored.get(name) != here.get(name))
         raise CheckpointError(
-            f"the checkpoint {path} is of another network: '{odd}' is {_shape(stored, odd)} there and "
-            f"{_shape(here, odd)} here. The settings of its run, in {CONFIG}, make the right one"
+            f"the checkpoint {path} is of another network: '{odd}' is {stored.get(odd, 'absent')} there and "
+            f"{here.get(odd, 'absent')} here. The settings of its run, in {CONFIG}, make the right one"
         )
     for name, value in content["policy"].items():
         if value.is_floating_point() and not torch.isfinite(value).all():
             raise CheckpointError(f"the checkpoint {path}: the weight '{name}' is not finite. {TRAIN_ANEW}")
     policy.load_state_dict(content["policy"])
-
-
-def _shape(shapes: Mapping[str, tuple[int, ...]], name: str) -> str:
-    return str(shapes[name]) if name in shapes else "absent"

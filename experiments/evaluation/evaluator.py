@@ -417,14 +417,8 @@ def choose_levels(rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[int, flo
 def origin(config: EvaluateConfig, levels: Levels) -> dict[str, Any]:
     """Which levels they are, as plain data."""
     made = levels.provenance
-    return {
-        "asked": config.levels,
-        "n": len(levels),
-        "name": made.name,
-        "seed": made.seed,
-        "split": made.split,
-        "distribution": made.distribution,
-    }
+    stored = {name: getattr(made, name) for name in ("name", "seed", "split", "distribution")}
+    return {"asked": config.levels, "n": len(levels), **stored}
 
 
 def label(config: EvaluateConfig, levels: Levels) -> str:

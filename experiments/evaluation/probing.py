@@ -70,15 +70,13 @@ class ProbeConfig(Settings):
 
     frames: Count = 5000  # of training levels, and as many of test levels
     num_envs: Count = 128  # episodes that are played at once; ksg needs 100
-    mode: ActionMode = (
-        "sampled"  # actions, as in 2022; deterministic ones play one level again and again in the same way
-    )
+    # Actions are sampled, as in 2022; deterministic ones play one level again and again in the same way.
+    mode: ActionMode = "sampled"
     replicates: Count = 5  # of critics, which give the intervals of accuracies
     steps: Count = 300  # of each critic
     batch: Annotated[int, that(lambda n: n >= 2, "at least 2")] = 128
-    paper_frames: Annotated[int, that(lambda n: n >= 64, "at least 64, one batch")] = (
-        1000  # for the accuracy as in 2022, which had ten episodes of at most 101
-    )
+    # For the accuracy as in 2022, which had ten episodes of at most 101.
+    paper_frames: Annotated[int, that(lambda n: n >= 64, "at least 64, one batch")] = 1000
     paper_replicates: CountFrom0 = 5  # of that; 0: none
     # The probes of each representation: bounds, readouts, and ksg, which belongs to the readouts.
     representations: Annotated[Mapping[str, Sequence[str]], check_representations] = field(

@@ -2,13 +2,11 @@
 
 import math
 from functools import cache
-from typing import ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.distributions import Independent, Normal
-from torch.distributions import constraints as torch_constraints
 from torch.nn import functional as F
 
 from segar.experiments.networks.encoders import make_encoder
@@ -25,8 +23,6 @@ class SquashedNormal(Independent):
     (``tanh(u) = ±1`` in float32) stay exact. ``loc`` and ``scale``: float ``[..., d]``.
     """
 
-    arg_constraints: ClassVar = {"loc": torch_constraints.real, "scale": torch_constraints.positive}
-
     def __init__(self, loc: Tensor, scale: Tensor) -> None:
         super().__init__(Normal(loc, scale, validate_args=False), 1, validate_args=False)
 
@@ -39,11 +35,6 @@ class SquashedNormal(Independent):
         nodes, weights = _hermite(self.base_dist.loc.dtype, self.base_dist.loc.device)
         u = self.base_dist.loc[..., None] + self.base_dist.scale[..., None] * nodes
         return super().entropy() + (log_slope(u) * weights).sum((-1, -2))
-
-    @property
-    def deterministic_sample(self) -> Tensor:
-        """The pre-tanh action of the policy without noise."""
-        return self.base_dist.loc
 
 
 def log_slope(u: Tensor) -> Tensor:
