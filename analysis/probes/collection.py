@@ -15,7 +15,8 @@ from segar.errors import LevelError
 from segar.evaluation import Random
 from segar.experiments.algorithms.learner import PolicyNetwork
 from segar.experiments.evaluation.episodes import Agent, action_rng, as_policy
-from segar.experiments.evaluation.evaluator import OWN, load_agent, options_of
+from segar.experiments.evaluation.evaluator import load_agent, options_of
+from segar.experiments.evaluation.transfers import OWN
 from segar.experiments.levels.builders import distribution_of
 from segar.experiments.runs.run_folder import read_config
 from segar.language import Factor, GlobalFriction

@@ -141,16 +141,8 @@ class PPO(SavedState):
         ends = rollout.level_done if self.joins_trials else rollout.done
         if self.scale is not None:
             reward = self.scale(reward, ends)
-        advantage, target = generalized_advantage_estimate(
-            config.gamma,
-            config.gae_lambda,
-            rollout.value,
-            rollout.next_value,
-            reward,
-            ends,
-            rollout.terminated & ends,
-            time_dim=0,
-        )
+        dead = rollout.terminated & ends
+        advantage, target = self.advantages(rollout.value, rollout.next_value, reward, ends, dead)
         if self.listen is not None:
             self.listen(rollout, reward, advantage)
         entries = {
@@ -162,6 +154,16 @@ class PPO(SavedState):
             "value_target": target,
         }
         return TensorDict(entries, rollout.reward.shape[:2])
+
+    def advantages(
+        self, value: Tensor, next_value: Tensor, reward: Tensor, ends: Tensor, dead: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Advantages and value targets of steps whose rewards are as they are learned from; all [T, N, 1].
+
+        Returns end where ``ends``, and where they end, the next value counts but for the ``dead``.
+        """
+        gamma, gae_lambda = self.config.gamma, self.config.gae_lambda
+        return generalized_advantage_estimate(gamma, gae_lambda, value, next_value, reward, ends, dead, time_dim=0)
 
     def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
         """Random disjoint parts of the steps in a batch [T, N], ``epochs`` times over; ``steps_together`` successive steps of

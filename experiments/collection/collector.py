@@ -103,21 +103,12 @@ class Storage:
 
     def rollout(self, next_value: Tensor, memory: Tensor) -> Rollout:
         """The content on the device, see :class:`Rollout`; only what environments returned is copied, and only to a GPU."""
-        outcomes = (self.reward, self.terminated, self.done, self.level_done)
-        reward, terminated, done, level_done = (one[..., None].to(self.value.device) for one in outcomes)
-        return Rollout(
-            self.observation,
-            self.u,
-            self.loc,
-            self.scale,
-            self.value[:-1],
-            next_value,
-            reward,
-            terminated,
-            done,
-            level_done,
-            memory,
-        )
+        computed = {name: getattr(self, name) for name in ("observation", "u", "loc", "scale")}
+        outcomes = {
+            name: getattr(self, name)[..., None].to(self.value.device)
+            for name in ("reward", "terminated", "done", "level_done")
+        }
+        return Rollout(**computed, **outcomes, value=self.value[:-1], next_value=next_value, memory=memory)
 
 
 class RunningEpisodes:

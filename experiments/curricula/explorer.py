@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
-from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from segar.envs import VectorEnv
 from segar.experiments.collection.rewards import learner_reward
@@ -118,9 +117,7 @@ class Explorer(SavedState):
         learned = learner_reward(config, reward)
         if self.agent.scale is not None:
             learned = self.agent.scale.scaled(learned)
-        gains, _ = generalized_advantage_estimate(
-            config.gamma, config.gae_lambda, value, following, learned, done, dead, time_dim=0
-        )
+        gains, _ = self.agent.advantages(value, following, learned, done, dead)
         n, steps = len(level), mask.sum(axis=0)
         raw, returns, gain, values = (one[:, :n, 0].double().numpy() for one in (reward, learned, gains, value))
         discount = config.gamma ** np.arange(len(mask))[:, None]

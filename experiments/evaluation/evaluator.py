@@ -21,7 +21,7 @@ from segar.experiments.collection.collector import observation_shape
 from segar.experiments.commands import process_defaults as runtime
 from segar.experiments.evaluation.causes import CAUSES, play_twins, suite_played
 from segar.experiments.evaluation.episodes import Agent, action_rng, as_policy, play_in_modes, trial_figures
-from segar.experiments.evaluation.transfers import LEVELS
+from segar.experiments.evaluation.transfers import LEVELS, OWN
 from segar.experiments.levels.builders import (
     Prepared,
     environment_options,
@@ -37,7 +37,6 @@ from segar.experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
     EVALUATIONS,
-    LEVELS_TEST,
     LEVELS_TRAIN,
     SUMMARY,
     computed_as_begun,
@@ -66,7 +65,6 @@ from segar.support import counted, named_object
 COUNT = 100  # levels of a distribution, where the number is not given
 VIEW = View(size=384)  # of videos
 GAIN = "adaptation_gain_return"  # a figure of several trials
-OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
 
 
 @dataclass(frozen=True)
@@ -341,10 +339,13 @@ def write(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunFolderError(f"cannot make the folder {out}: {error.strerror}") from error
-    (out / SUMMARY).unlink(missing_ok=True)  # it is there if and only if it belongs to the other files
+    for name in (
+        SUMMARY,
+        CAUSES,
+        NETWORK_FILE,
+    ):  # of an evaluation that is replaced; a summary belongs to the other files
+        (out / name).unlink(missing_ok=True)
     levels.save(out / LEVELS)
-    (out / CAUSES).unlink(missing_ok=True)
-    (out / NETWORK_FILE).unlink(missing_ok=True)  # of an evaluation that is replaced
     if network is not None:
         network.save(out / NETWORK_FILE)
     write_rows(out / EPISODES, rows, EPISODE_SCHEMA)

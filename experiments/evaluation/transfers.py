@@ -30,6 +30,7 @@ from segar.experiments.settings.run import digest
 from segar.levels import Levels, hash_of_levels, mixed_levels
 
 LEVELS = "levels.npz"  # in the folder of an evaluation: what was played
+OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
 
 
 @dataclass(frozen=True)
@@ -79,9 +80,8 @@ class Transfer:
             return distribution_of(self.levels_config(), "test").sample(
                 self.test_count, seed=self.test_seed, split="test"
             )
-        files = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}
         train, test = (
-            in_own_world(Levels.load(folder_path(run) / name), run.levels, which) for which, name in files.items()
+            in_own_world(Levels.load(folder_path(run) / name), run.levels, which) for which, name in OWN.items()
         )
         chosen = dict.fromkeys(self.mixture.changed, True)
         return mixed_levels(train[np.arange(len(test)) % len(train)], test, self.mixture.groups, chosen)

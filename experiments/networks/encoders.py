@@ -206,10 +206,8 @@ class StackEncoder(FrameEncoder):
     def _see(self, squares: Tensor, precision: torch.dtype) -> Tensor:
         """The points in frames [n, stack, ...]; those of older frames that the last batch showed are known."""
         look, before = self.trunk.look, self.before
-        if not self.follows or torch.is_grad_enabled():
-            return look(squares.flatten(0, 1).to(precision)).unflatten(0, squares.shape[:2])
-        self.before = None
-        if before is None or before[0].shape != squares.shape or self.trunk.stack == 1:
+        follows = self.follows and not torch.is_grad_enabled()
+        if not follows or before is None or before[0].shape != squares.shape or self.trunk.stack == 1:
             seen = look(squares.flatten(0, 1).to(precision)).unflatten(0, squares.shape[:2])
         else:
             older, known = (part.flatten(1).view(torch.int64) for part in (squares[:, :-1], before[0][:, 1:]))
@@ -219,7 +217,8 @@ class StackEncoder(FrameEncoder):
             newest, rest = found.tensor_split([len(squares)])
             seen = torch.cat([before[1][:, 1:], newest.unsqueeze(1)], 1)
             seen[fresh, :-1] = rest.unflatten(0, (-1, self.trunk.stack - 1))
-        self.before = squares, seen
+        if follows:
+            self.before = squares, seen
         return seen
 
 

@@ -6,7 +6,6 @@ pass the same filters, and the dense layers read the points in the newest frame 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -33,7 +32,7 @@ class Keypoints(nn.Module):
     (:meth:`squares`): the first layer is then a convolution over 2x2 squares.
     """
 
-    places: Tensor  # [cells, 3]: x and y of each cell of the map, and 1; no buffer, which functional modules take for a weight
+    places: Tensor  # [cells, 3]: x and y of each cell of the map, and 1
 
     def __init__(self, height: int, width: int, depth: int) -> None:
         super().__init__()
@@ -44,14 +43,10 @@ class Keypoints(nn.Module):
             rows, columns = self.second(self.first(torch.zeros(1, depth // self.stack, height, width))).shape[-2:]
         self.sharpness = nn.Parameter(torch.full((FILTERS,), SHARPNESS))
         y, x = torch.meshgrid(torch.linspace(-1, 1, rows), torch.linspace(-1, 1, columns), indexing="ij")
-        self.places = torch.stack([x.flatten(), y.flatten(), torch.ones(rows * columns)], 1)
+        places = torch.stack([x.flatten(), y.flatten(), torch.ones(rows * columns)], 1)
+        self.register_buffer("places", places, persistent=False)
         points = 2 * FILTERS * self.stack
         self.dense = nn.Sequential(nn.Linear(points, OUTPUTS), nn.ReLU(), nn.Linear(OUTPUTS, OUTPUTS), nn.ReLU())
-
-    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Keypoints:
-        super()._apply(fn, recurse)
-        self.places = fn(self.places)  # moves with the weights
-        return self
 
     @staticmethod
     def squares(frames: Tensor) -> Tensor:
