@@ -20,7 +20,7 @@ from segar.experiments.algorithms.ppg import PPGPolicy
 from segar.experiments.algorithms.ppo import PPOPolicy
 from segar.experiments.algorithms.recurrent_ppo import RecurrentPolicy
 from segar.experiments.algorithms.sac import GaussianActor, SACPolicy
-from segar.experiments.networks.encoders import MLP, FrameEncoder, StackEncoder, _ResidualBlock
+from segar.experiments.networks.encoders import MLP, FrameEncoder, ResidualBlock, StackEncoder
 from segar.experiments.networks.frame_conv import FrameConv
 from segar.experiments.networks.keypoints import MOVED, Keypoints
 from segar.experiments.settings import ConfigError
@@ -104,7 +104,7 @@ class Layers:
             raise ConfigError(
                 f"portable: '{place}' of the policy is a {type(module).__module__}.{type(module).__qualname__}, which"
                 f" has no portable form. {WAY_OUT}, or build the network of"
-                f" {', '.join(sorted(kind.__name__ for kind in MODULES if not kind.__name__.startswith('_')))}"
+                f" {', '.join(sorted(kind.__name__ for kind in MODULES))}"
             )
         hooks = {"forward hooks": [*module._forward_hooks.values(), *module._forward_pre_hooks.values()]}
         _require(place, hooks, {"forward hooks": []})
@@ -270,7 +270,7 @@ def _flatten(layers: Layers, module: nn.Flatten, source: int, place: str) -> int
     return layers.add("flatten", source)
 
 
-def _residual_block(layers: Layers, module: _ResidualBlock, source: int, place: str) -> int:
+def _residual_block(layers: Layers, module: ResidualBlock, source: int, place: str) -> int:
     x = layers.add_module(module.entry, source, f"{place}.entry")
     x = layers.add_module(module.pool, x, f"{place}.pool")
     for name, residual in enumerate(module.residuals):
@@ -315,6 +315,6 @@ MODULES: Mapping[type[nn.Module], Callable[[Layers, Any, int, str], int]] = {
     nn.Flatten: _flatten,
     nn.Identity: _nothing,
     nn.LayerNorm: _layer_norm,
-    _ResidualBlock: _residual_block,
+    ResidualBlock: _residual_block,
     Keypoints: _keypoints,
 }

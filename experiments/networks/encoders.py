@@ -296,7 +296,7 @@ def _plain_cnn(height: int, width: int, depth: int, channels: tuple[int, int, in
 
 
 def _residual_cnn(height: int, width: int, depth: int, channels: tuple[int, ...]) -> nn.Sequential:
-    blocks = [_ResidualBlock(a, b) for a, b in pairwise((depth, *channels))]
+    blocks = [ResidualBlock(a, b) for a, b in pairwise((depth, *channels))]
     blocks[0].entry = FrameConv(depth, channels[0], 3, padding=1)
     return _with_dense(nn.Sequential(*blocks, nn.ReLU()), height, width, depth)
 
@@ -308,7 +308,9 @@ def _with_dense(convolutions: nn.Sequential, height: int, width: int, depth: int
     return nn.Sequential(convolutions, nn.Flatten(), dense, nn.ReLU())
 
 
-class _ResidualBlock(nn.Module):
+class ResidualBlock(nn.Module):
+    """A block of :func:`impala`: images [n, inputs, height, width] -> [n, outputs, height / 2, width / 2]."""
+
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
         self.entry = nn.Conv2d(inputs, outputs, 3, padding=1)
@@ -324,6 +326,7 @@ class _ResidualBlock(nn.Module):
         )
 
     def forward(self, x: Tensor) -> Tensor:
+        """The images after convolution, pooling and both residual units."""
         x = self.pool(self.entry(x))
         for residual in self.residuals:
             x = x + residual(x)
