@@ -42,14 +42,12 @@ def new_figure(width: float, height: float) -> Figure:
 
 def save_figure(figure: Figure, path: Path, suffixes: Sequence[str] = (".png", ".pdf")) -> list[Path]:
     """Writes ``path`` with each suffix, whole or not at all and the same bytes for the same figure; returns the files."""
-    written = []
     for suffix in suffixes:
         stream = io.BytesIO()
         with style.applied():
             figure.savefig(stream, format=suffix[1:], metadata=METADATA[suffix])
         write_bytes(path.with_suffix(suffix), smaller(stream) if suffix == ".png" else stream.getvalue())
-        written.append(path.with_suffix(suffix))
-    return written
+    return [path.with_suffix(suffix) for suffix in suffixes]
 
 
 def smaller(stream: io.BytesIO) -> bytes:
@@ -61,15 +59,12 @@ def smaller(stream: io.BytesIO) -> bytes:
     return out.getvalue()
 
 
-def draw_points(axes: Axes, table: pd.DataFrame, x: str, y: str, error: str = "") -> None:
-    """One point per row: colour says family, marker says difficulty; a thin bar the standard error, where one is named."""
+def draw_points(axes: Axes, table: pd.DataFrame, x: str, y: str) -> None:
+    """One point per row: colour says family, marker says difficulty."""
     colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
     for family, difficulty in product(style.ordered(table["family"]), style.ordered(table["difficulty"])):
-        part, colour = select(table, family=family, difficulty=difficulty), colours[family]
-        if error:
-            bars = {"fmt": "none", "ecolor": colour, "alpha": 0.35, "elinewidth": 1, "zorder": 2}
-            axes.errorbar(column(part, x), column(part, y), yerr=column(part, error), **bars)
-        look = {"marker": markers[difficulty], "color": colour, **DOT}
+        part = select(table, family=family, difficulty=difficulty)
+        look = {"marker": markers[difficulty], "color": colours[family], **DOT}
         axes.scatter(column(part, x), column(part, y), s=36, zorder=3, **look)
 
 
@@ -127,10 +122,3 @@ def figure_of_panels(count: int, width: float, height: float, below: float) -> t
 def across(count: int) -> int:
     """How many of so many axes stand in a row."""
     return 2 if count == 4 else min(count, ACROSS)
-
-
-def draw_profile(axes: Axes, profile: pd.DataFrame, colour: str, label: str) -> None:
-    """The share above each threshold, with the intervals of the points."""
-    at, low, high = (column(profile, name) for name in ("threshold", "low", "high"))
-    axes.plot(at, column(profile, "estimate"), color=colour, linewidth=style.LINE_WIDTH, label=entry(label))
-    axes.fill_between(at, low, high, color=colour, alpha=0.14, linewidth=0)

@@ -10,11 +10,7 @@ from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.figures import agents, beyond, main_grid
 from segar.analysis.report.figures.drawing import Drawn
 
-__all__ = ["FIGURES", "Draw", "Drawn"]
-
-Draw = Callable[[Evidence], Drawn]  # raises NoFigure
-
-FIGURES: Mapping[str, Draw] = {
+FIGURES: Mapping[str, Callable[[Evidence], Drawn]] = {
     draw.__name__: draw
     for draw in (
         main_grid.figure_3a, main_grid.specification_curves, main_grid.figure_3b,

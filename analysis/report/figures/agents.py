@@ -1,27 +1,23 @@
 """The figures about information and learning: 4b, 5a, 5b, SAC, mass and frame stack."""
 
+from itertools import chain
+
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
 
 from segar.analysis.plotting import style
-from segar.analysis.plotting.figures import draw_profile, new_figure
+from segar.analysis.plotting.figures import DOT, draw_line, entry, new_figure
 from segar.analysis.plotting.names import panel_name, word_for
 from segar.analysis.report.claims.claim import METRIC_OURS
 from segar.analysis.report.claims.evidence import Evidence
-from segar.analysis.report.claims.rows import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
+from segar.analysis.report.claims.rows import ACCURACIES, GAPS, LEVELS, PROBES, accuracies, auxiliary
 from segar.analysis.report.claims.scores import COMPARED, profiles
 from segar.analysis.report.claims.statements import METRICS
-from segar.analysis.report.figures.drawing import (
-    CELL,
-    SHORT_GAP,
-    Drawn,
-    NoFigure,
-    Related,
-    draw_related,
-    drawable,
-    figure_of_curves,
-)
+from segar.analysis.report.figures.drawing import CELL, SHORT_GAP, Drawn, NoFigure, drawable, figure_of_curves
+from segar.analysis.report.number_format import estimate_text
 from segar.analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
 from segar.analysis.stats.resampling import FEWEST_UNITS
 from segar.analysis.tables import binned, column, mean_by, pick, select
@@ -44,16 +40,29 @@ def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, 
     levels. The axes below each other are the same."""
     figure = new_figure(4.5 * len(parts[0]), height * len(parts))
     grid = figure.subplots(len(parts), len(parts[0]), squeeze=False, sharex="col", sharey="col")
-    for row, drawn in zip(grid, parts, strict=True):
-        for axes, (title, table, gap) in zip(row, drawn, strict=True):
-            looks = zip(("train", "test"), style.PALETTE, style.MARKERS, strict=False)
-            related = [Related(levels, table, f"accuracy_{levels}", gap, *look) for levels, *look in looks]
-            if len(table) and min(column(table, name).min() for name in ACCURACIES) < CHANCE_SEEN:
-                axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
-            draw_related(evidence, axes, related, 32)
-            axes.set(title=title, xlabel="accuracy of the critic", ylabel=SHORT_GAP)
-            axes.tick_params(labelbottom=True)
+    for axes, (title, table, gap) in zip(grid.ravel(), chain(*parts), strict=True):
+        if len(table) and min(column(table, name).min() for name in ACCURACIES) < CHANCE_SEEN:
+            axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
+        draw_accuracies(evidence, axes, table, gap)
+        axes.set(title=title, xlabel="accuracy of the critic", ylabel=SHORT_GAP)
+        axes.tick_params(labelbottom=True)
     return figure
+
+
+def draw_accuracies(evidence: Evidence, axes: Axes, table: pd.DataFrame, gap: str) -> None:
+    """A gap against both accuracies, with r and the p of blocks in the legend, and a line where there are blocks enough."""
+    y, lines = column(table, gap), []
+    for levels, name, colour, marker in zip(LEVELS, ACCURACIES, style.PALETTE, style.MARKERS, strict=False):
+        x, found = column(table, name), evidence.correlation(table, name, gap)
+        look = {"marker": marker, "color": colour, "label": f"{levels}: {estimate_text(found)}", **DOT}
+        axes.scatter(x, y, s=32, zorder=3, **look)
+        if np.isfinite(found.low):
+            lines.append((x, y, colour))
+    axes.margins(y=0.1)
+    for line in lines:  # they keep to the limits of all points
+        draw_line(axes, *line)
+    below = axes.transAxes + ScaledTranslation(0, -0.4, axes.figure.dpi_scale_trans)  # ticks and label [in]
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, handletextpad=0.2, fontsize=8.5)
 
 
 def figure_5a(evidence: Evidence) -> Drawn:
@@ -87,9 +96,8 @@ def appendix_sac(evidence: Evidence) -> Drawn:
     runs, curves = evidence.all_results.of("appendix_sac"), evidence.all_results.curves
     if runs.empty or curves.empty:
         raise NoFigure("SAC was not run, or its curves are not among the tables (`experiments=[appendix_sac]`)")
-    chosen = select(curves, name="evaluation/test/return/deterministic").merge(
-        pick(runs, ["run", "algorithm", *CELL]), on="run"
-    )
+    returns = select(curves, name="evaluation/test/return/deterministic")
+    chosen = returns.merge(pick(runs, ["run", "algorithm", *CELL]), on="run")
     drawable(chosen, "the curves have no returns of SAC on test levels")
     table = mean_by(chosen, ["algorithm", "family", "difficulty", "n", "frames"], ["value"])
     return Drawn(curves_of_panels(table, "return on test levels", "algorithm"), table)
@@ -110,9 +118,11 @@ def performance_profiles(evidence: Evidence) -> Drawn:
     figure = new_figure(4.6 * len(experiments), 3.6)
     grid = figure.subplots(1, len(experiments), sharey=True, squeeze=False)[0]
     for axes, experiment in zip(grid, experiments, strict=True):
-        part = select(table, experiment=experiment)
-        for algorithm in sorted(set(part["algorithm"])):
-            draw_profile(axes, select(part, algorithm=algorithm), colours[algorithm], word_for(algorithm))
+        for algorithm in sorted(set(select(table, experiment=experiment)["algorithm"])):
+            part, look = select(table, experiment=experiment, algorithm=algorithm), {"color": colours[algorithm]}
+            at, value, low, high = (column(part, name) for name in ("threshold", "estimate", "low", "high"))
+            axes.plot(at, value, linewidth=style.LINE_WIDTH, label=entry(word_for(algorithm)), **look)
+            axes.fill_between(at, low, high, alpha=0.14, linewidth=0, **look)
         axes.set(title=COMPARED[experiment], xlabel="score on test levels")
         axes.legend(loc="lower left", fontsize=8.5)
     grid[0].set_ylabel("share of runs above it")
@@ -125,12 +135,8 @@ def appendix_mass(evidence: Evidence) -> Drawn:
     probed = drawable(accuracies(evidence.results, runs), NO_PROBES)
     columns = [*CELL, "past", "mass", "w2_exact", *ACCURACIES, "gap", "success_test_deterministic"]
     table = pick(select(probed, probe=PROBES[METRIC_OURS]), columns)
-    parts = [
-        [
-            (f"{past}, mass {mass}", select(table, past=past, mass=mass), GAPS[METRIC_OURS])
-            for mass in ("shown", "hidden")
-        ]
-        for past in (FRAME, STACK, MEMORY)
-        if past in set(table["past"])
-    ]
+    parts = []
+    for past in (one for one in (FRAME, STACK, MEMORY) if one in set(table["past"])):
+        of_mass = {f"{past}, mass {mass}": select(table, past=past, mass=mass) for mass in ("shown", "hidden")}
+        parts.append([(title, some, GAPS[METRIC_OURS]) for title, some in of_mass.items()])
     return Drawn(accuracy_grid(evidence, parts), table)

@@ -17,11 +17,10 @@ from segar.analysis.plotting.figures import (
     zero_line,
 )
 from segar.analysis.plotting.names import word_for
-from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.evidence import DISTANCES, Evidence
 from segar.analysis.report.claims.rows import all_rule_set_runs, one_number_of_levels, trial_columns, trial_runs
 from segar.analysis.report.figures.drawing import (
     CELL,
-    GAP,
     Drawn,
     NoFigure,
     dots,
@@ -31,6 +30,7 @@ from segar.analysis.report.figures.drawing import (
     success_by_number,
     unit_means,
 )
+from segar.analysis.report.figures.main_grid import METRICS
 from segar.analysis.report.number_format import estimate_text
 from segar.analysis.report.results import PANEL, shifts_in_words
 from segar.analysis.stats.estimate import mean_of_replicates
@@ -49,9 +49,7 @@ def fixed_n(evidence: Evidence) -> Drawn:
     table = pick(runs, [*CELL, "design", "w2_reference", "w2_exact", "gap", "gap_2022"])
     figure = new_figure(PAGE_WIDTH, 4.2)
     colours, markers = (look(sorted(set(table["design"]))) for look in (style.colours, style.markers))
-    for axes, (x, label, y, gap) in zip(figure.subplots(1, 2),
-                                        (("w2_reference", "W2 of 2022", "gap_2022", "gap, returns of 2022"),
-                                         ("w2_exact", "exact W2", "gap", GAP)), strict=True):  # fmt: skip
+    for axes, (x, y, x_label, _, y_label) in zip(figure.subplots(1, 2), METRICS, strict=True):
         zero_line(axes)
         for design in sorted(set(table["design"])):
             part = select(table, design=design)
@@ -59,7 +57,7 @@ def fixed_n(evidence: Evidence) -> Drawn:
             axes.scatter(column(part, x), column(part, y), s=34, **look)
         found = evidence.correlation(judged, x, y, ("panel", "levels"))
         axes.set_title(f"given panel: {estimate_text(found)}", loc="left", fontsize=9.5)
-        axes.set(xlabel=f"{label}, training to test levels", ylabel=gap)
+        axes.set(xlabel=x_label, ylabel=y_label)
     legend_below(figure, figure.axes[0], 5)
     return Drawn(figure, table)
 
@@ -144,9 +142,7 @@ def trials(evidence: Evidence) -> Drawn:
         part = keep(table, table["memory"] == memory)
         if len(part):
             played = part.melt(value_vars=names, var_name="trial", value_name="success")
-            means = unit_means(
-                played.assign(trial=[names.index(one) + 1 for one in played["trial"]]), "trial", "success"
-            )
+            means = unit_means(played.assign(trial=played["trial"].map(names.index) + 1), "trial", "success")
             draw_means(axes, k, column(means, "trial"), means, label)
     axes.set(xticks=range(1, len(names) + 1), xlabel="trial on the level", ylabel="success on unseen rule sets")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -182,26 +178,19 @@ def hardness(evidence: Evidence) -> Drawn:
         part = select(table, player=player)
         means = part.rename(columns={"success": "estimate"})
         draw_means(axes, k, column(part, "conditions") + 0.05 * (k - 1), means, word_for(player))
-    axes.set(
-        xticks=sorted(set(table["conditions"])),
-        ylim=(-0.05, 1.08),
-        xlabel="conditions on the goal",
-        ylabel="success on test levels",
-    )
+    axes.set_xticks(sorted(set(table["conditions"])))
+    axes.set(ylim=(-0.05, 1.08), xlabel="conditions on the goal", ylabel="success on test levels")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return Drawn(figure, table)
 
 
 def upper_bound(evidence: Evidence) -> Drawn:
     """Agents that see the true factors beside those that see pixels."""
-    seen, main = (
-        drawable(one, "upper_bound") for one in (evidence.all_results.of("upper_bound"), evidence.ungated.main)
-    )
+    seen = drawable(evidence.all_results.of("upper_bound"), "upper_bound")
+    main = drawable(evidence.ungated.main, "upper_bound")
     both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
     table = pick(both, [*CELL, "sees", SUCCESS, "gap"])
-    table = keep(
-        table, column(table.assign(kinds=table.groupby(CELL, dropna=False)["sees"].transform("nunique")), "kinds") == 2
-    )
+    table = keep(table, table.groupby(CELL, dropna=False)["sees"].transform("nunique") == 2)
     drawable(table, "no agents that see pixels have the levels and seeds of those that see factors")
     named, lines = table.assign(success=table[SUCCESS]), {"factors": "-", "pixels": ":"}
     return Drawn(success_by_number(named, "sees", lines, "success on test levels"), table)
@@ -222,18 +211,13 @@ def w2_study(evidence: Evidence) -> Drawn:
         for panel in sorted(set(part["train"])):
             family, _, difficulty = panel.partition("-")
             mine = select(part, train=panel).sort_values("n")
-            look = {"color": style.colours(["empty", "objectsx1", "tilesx1", "hazardtilesx1"])[family],
-                    "marker": style.markers(["easy", "medium", "hard"])[difficulty]}  # fmt: skip
-            one.errorbar(column(mine, "n"), column(mine, "mean"), yerr=column(mine, "sd"), markersize=4.5,
-                         linewidth=1.1, elinewidth=0.8, **look)  # fmt: skip
+            look = {"color": style.colours([family])[family], "marker": style.markers([difficulty])[difficulty]}
+            look |= {"markersize": 4.5, "linewidth": 1.1, "elinewidth": 0.8}
+            one.errorbar(column(mine, "n"), column(mine, "mean"), yerr=column(mine, "sd"), **look)
             if mode == "reference":
                 one.plot(column(mine, "n"), column(mine, "mean_2022"), "x", color="#000000", markersize=4, zorder=5)
         log_axis(one, sorted(set(part["n"])))
-        one.set(
-            xlabel="training levels",
-            ylabel=f"W2 to {TEST_LEVELS} test levels",
-            title="W2 of 2022" if mode == "reference" else "exact W2",
-        )
+        one.set(title=DISTANCES[mode], xlabel="training levels", ylabel=f"W2 to {TEST_LEVELS} test levels")
     places = pd.DataFrame([panel.split("-") for panel in dict.fromkeys(inside["train"])], columns=list(PANEL))
     figure.legend(handles=legend_of(places), loc="outside lower center", ncols=6, handletextpad=0.2)
     return Drawn(figure, table)

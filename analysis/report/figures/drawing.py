@@ -11,13 +11,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.transforms import ScaledTranslation
 
 from segar.analysis.plotting import style
 from segar.analysis.plotting.figures import (
-    DOT,
     across,
-    draw_line,
     entry,
     error_bars,
     figure_of_panels,
@@ -26,8 +23,6 @@ from segar.analysis.plotting.figures import (
     zero_line,
 )
 from segar.analysis.plotting.names import panel_name, word_for
-from segar.analysis.report.claims.evidence import Evidence
-from segar.analysis.report.number_format import estimate_text
 from segar.analysis.report.results import panels_of, with_panel
 from segar.analysis.stats.resampling import mean_of_units
 from segar.analysis.tables import column, count_of, mean_by, select
@@ -59,32 +54,6 @@ def drawable(table: pd.DataFrame, why: str, varies: str = "") -> pd.DataFrame:
     if table.empty or (varies and count_of(table, varies) < 2):
         raise NoFigure(why if " " in why else f"it was not run (`experiments=[{why}]`)")
     return table
-
-
-@dataclass(frozen=True)
-class Related:
-    """Points of which a figure shows the correlation: two columns of a table, and how they look."""
-
-    label: str
-    table: pd.DataFrame
-    x: str
-    y: str
-    colour: str
-    marker: str
-
-
-def draw_related(evidence: Evidence, axes: Axes, parts: Sequence[Related], size: float) -> None:
-    """The points of each part with r and the p of blocks in the legend, and a line where there are blocks enough."""
-    found = [evidence.correlation(part.table, part.x, part.y) for part in parts]
-    for part, one in zip(parts, found, strict=True):
-        look = {"marker": part.marker, "color": part.colour, "label": f"{part.label}: {estimate_text(one)}", **DOT}
-        axes.scatter(column(part.table, part.x), column(part.table, part.y), s=size, zorder=3, **look)
-    axes.margins(y=0.1)
-    for part, one in zip(parts, found, strict=True):  # lines keep to the limits of all points
-        if np.isfinite(one.low):
-            draw_line(axes, column(part.table, part.x), column(part.table, part.y), part.colour)
-    below = axes.transAxes + ScaledTranslation(0, -0.4, axes.figure.dpi_scale_trans)  # ticks and label [in]
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, handletextpad=0.2, fontsize=8.5)
 
 
 def success_by_number(table: pd.DataFrame, by: str, lines: Mapping[str, str], y_label: str) -> Figure:
@@ -150,20 +119,17 @@ def unit_means(table: pd.DataFrame, by: str, value: str, least: float = 0.0) -> 
 def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "") -> Figure:
     """One axes per panel, and per value of the column ``trained``: a dot per run, groups side by side, and a bar at the mean of
     several runs with one number of training levels."""
-    named = with_panel(table)
-    panels = panels_of(named)
-    titles = {panel: panel_name(panel) for panel in panels}
-    if trained:
-        named = named.assign(panel=named["panel"] + ",\ntrained in " + named[trained].astype(str))
-        places = {one: panel for panel in panels for one in sorted(set(named["panel"])) if one.startswith(f"{panel},")}
-        titles = {one: f"{panel_name(panel)}{one.removeprefix(panel)}" for one, panel in places.items()}
-        panels = list(places)
+    named = with_panel(table).assign(place=table[trained].astype(str) if trained else "")
+    parts = {}
+    for panel, place in product(panels_of(named), sorted(set(named["place"]))):
+        title = panel_name(panel) + (f",\ntrained in {place}" if trained else "")
+        parts[title] = select(named, panel=panel, place=place)
+    parts = {title: part for title, part in parts.items() if len(part)}
     groups = sorted(set(map(str, table[group])))
     counts = sorted(set(table["n"]))
     colours = dict(zip(counts, style.SEQUENCE, strict=False))
-    figure, grid = figure_of_panels(len(panels), 3.1, 3.1, 0.3)
-    for axes, panel in zip(grid, panels, strict=False):
-        part = select(named, panel=panel)
+    figure, grid = figure_of_panels(len(parts), 3.1, 3.1, 0.3)
+    for axes, (title, part) in zip(grid, parts.items(), strict=False):
         for k, n in enumerate(counts):
             mine = select(part, n=n)
             at = np.array([groups.index(str(one)) for one in mine[group]]) + 0.14 * (k - (len(counts) - 1) / 2)
@@ -173,8 +139,8 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "")
                 axes.plot(column(means, "at"), column(means, y), "_", color="#000000", markersize=12, zorder=2)
         zero_line(axes)
         axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
-        axes.set(xlim=(-0.6, len(groups) - 0.4), title=titles[panel])
-    for axes in grid[:: across(len(panels))]:
+        axes.set(xlim=(-0.6, len(groups) - 0.4), title=title)
+    for axes in grid[:: across(len(parts))]:
         axes.set_ylabel(label)
     legend_below(figure, grid[0], 6)
     return figure

@@ -19,10 +19,9 @@ from segar.analysis.report.number_format import estimate_text, signed
 from segar.analysis.tables import column, count_of, keep, pick, select
 
 NO_MAIN_GRID = "there are no runs of the main grid"
-W2_2022, W2_EXACT = "W2 of 2022, training to test levels", "exact W2, training to test levels"
 METRICS = (
-    ("w2_reference", "gap_2022", W2_2022, METRIC_2022, GAP_2022),
-    ("w2_exact", "gap", W2_EXACT, METRIC_OURS, GAP),
+    ("w2_reference", "gap_2022", "W2 of 2022, training to test levels", METRIC_2022, GAP_2022),
+    ("w2_exact", "gap", "exact W2, training to test levels", METRIC_OURS, GAP),
 )
 MEASURES = [name for x, y, *_ in METRICS for name in (x, y)]
 TO_AGENTS = "play/"  # begins the addresses of pages of agents, where the report is served
@@ -59,12 +58,11 @@ def gaps_against_w2(evidence: Evidence, table: pd.DataFrame, group: str, by_grou
     figure = new_figure(2.2 * len(families) + 0.6, 6.8)
     parts = list(np.ravel(figure.subfigures(2, 1)))  # type: ignore[arg-type]
     for part, (x, y, x_label, metric, y_label) in zip(parts, METRICS, strict=True):
-        pooled = (
-            ""
-            if by_group
-            else f", all runs that learned: {estimate_text(evidence.of_main(x.removeprefix('w2_'), y, 'pooled'))}"
-        )
-        part.suptitle(metric + pooled, x=0.01, ha="left", fontsize=10)
+        title = metric
+        if not by_group:
+            pooled = evidence.of_main(x.removeprefix("w2_"), y, "pooled")
+            title += f", all runs that learned: {estimate_text(pooled)}"
+        part.suptitle(title, x=0.01, ha="left", fontsize=10)
         row = part.subplots(1, len(families), squeeze=False, sharex=True, sharey=True)[0]
         for axes, family in zip(row, families, strict=True):
             zero_line(axes)
@@ -72,14 +70,11 @@ def gaps_against_w2(evidence: Evidence, table: pd.DataFrame, group: str, by_grou
             for name, n in product(groups, counts):
                 cell = select(table, family=family, n=n, **{group: name})
                 filled = column(cell, "learned").astype(bool) if "learned" in cell else np.ones(len(cell), bool)
-                for rows, look in (
-                    (filled, {"color": colours[n], **DOT}),
-                    (~filled, {**HOLLOW, "edgecolors": colours[n]}),
-                ):
-                    dots = axes.scatter(
-                        column(cell, x)[rows], column(cell, y)[rows], s=30, marker=markers[name], zorder=3, **look
-                    )
-                    dots.set_urls([f"{TO_AGENTS}{run}" for run in cell["run"][rows]] if "run" in cell else [])
+                hollow = {**HOLLOW, "edgecolors": colours[n]}
+                for rows, look in ((filled, {"color": colours[n], **DOT}), (~filled, hollow)):
+                    some = keep(cell, rows)
+                    dots = axes.scatter(column(some, x), column(some, y), s=30, marker=markers[name], zorder=3, **look)
+                    dots.set_urls([f"{TO_AGENTS}{run}" for run in some["run"]] if "run" in some else [])
             for name in groups if by_group else ():
                 found = evidence.correlation(select(table, family=family, **{group: name}), x, y)
                 said += [f"{name}: r = {signed(found.estimate)}"] * bool(np.isfinite(found.low))
@@ -91,9 +86,8 @@ def gaps_against_w2(evidence: Evidence, table: pd.DataFrame, group: str, by_grou
     dot = {"linestyle": "none", "markersize": 7}
     handles = [Line2D([], [], marker="o", color=colour, label=f"n = {n}", **dot) for n, colour in colours.items()]
     handles += [Line2D([], [], marker=mark, color="#777777", label=name, **dot) for name, mark in markers.items()]
-    handles += [Line2D([], [], marker="o", color="#999999", mfc="none", label="did not learn", **dot)] * (
-        "learned" in table
-    )
+    if "learned" in table:
+        handles.append(Line2D([], [], marker="o", color="#999999", mfc="none", label="did not learn", **dot))
     figure.legend(handles=handles, loc="outside lower center", ncols=6, handletextpad=0.2)
     return figure
 
@@ -116,11 +110,8 @@ def specification_curves(evidence: Evidence) -> Drawn:
     if not claims:
         raise NoFigure("nothing varies in these runs")
     table = keep(table, table["claim"].isin(list(claims)))
-    choices = [
-        ", ".join(dict.fromkeys(one))
-        for one in zip(table["measure"], table["number of levels"], table["outcome"], strict=True)
-    ]
-    table = table.assign(choice=[one.replace(f", {GIVEN_CELL}", "") for one in choices])
+    choices = zip(table["measure"], table["number of levels"], table["outcome"], strict=True)
+    table = table.assign(choice=[", ".join(dict.fromkeys(one)).replace(f", {GIVEN_CELL}", "") for one in choices])
     colours = style.colours(sorted(set(table["outcome"])))
     rows, names = {name: count_of(select(table, claim=name), "choice") for name in claims}, list(claims)
     left = names[:-1] or names  # below each other; the last one stands on the right
@@ -141,8 +132,9 @@ def specification_curves(evidence: Evidence) -> Drawn:
         axes.set_yticks(range(len(order)), shown, fontsize=8)
         axes.set(ylim=(-0.7, len(order) - 0.3), xlim=(-1.02, 1.02), xlabel="partial r")
         axes.set_title(f"{name}: {words}", loc="left", fontsize=9)
-    handles = [Line2D([], [], marker="o", linestyle="none", color=c, label=f"gap in {name}" if name != "regret" else
-                      "regret (sign turned)") for name, c in colours.items()]  # fmt: skip
-    handles.append(Line2D([], [], marker="o", linestyle="none", color="#777777", mfc="white", label="without n = 1"))
+    dot: dict[str, Any] = {"marker": "o", "linestyle": "none"}
+    words = {name: "regret (sign turned)" if name == "regret" else f"gap in {name}" for name in colours}
+    handles = [Line2D([], [], color=colour, label=words[name], **dot) for name, colour in colours.items()]
+    handles.append(Line2D([], [], color="#777777", mfc="white", label="without n = 1", **dot))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return Drawn(figure, table)
