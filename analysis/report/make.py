@@ -7,6 +7,7 @@ into ``report.pdf``, too, where Chromium is installed. ``only=[figure_3a]`` draw
 """
 
 import shlex
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from segar.analysis.report.study import is_study, study
 from segar.analysis.report.subject import Subject
 from segar.analysis.tables import write_csv
 from segar.experiments.commands.command_line import run_from_command_line
-from segar.experiments.reproduction.experiment_file import PLAN
+from segar.experiments.reproduction.experiment_file import PLAN, SCALES
 from segar.experiments.reproduction.imported_results import RUNS
 from segar.experiments.runs.files import read_json
 from segar.experiments.settings import RunFolderError, TrackingConfig, require_known
@@ -32,7 +33,6 @@ from segar.experiments.tracking.mlflow_store import replace_run
 from segar.support import RESULTS, WORKSPACE, counted
 
 SHIPPED = RESULTS
-SCALES = ("paper", "standard", "quick", "smoke")  # the largest first
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class ReportConfig:
         """Absolute path of the tables; raises :class:`RunFolderError` if none is named and none is shipped."""
         if self.results is not None:
             return Path(self.results).expanduser().resolve()
-        for scale in SCALES:
+        for scale in reversed(SCALES):
             if (SHIPPED / scale / RUNS).exists():
                 return SHIPPED / scale
         raise RunFolderError(f"there are no results in {SHIPPED}; name a folder of tables: results=FOLDER")
@@ -104,11 +104,8 @@ def make_report(config: ReportConfig) -> Report:
         require_known("only", name, list(subject.figures))
     folder = Path(config.out).expanduser().resolve() if config.out else config.folder
     command = f"segar report results={shlex.quote(config.name)} only=[{{}}]"
-    drawn = {
-        name: write_picture(draw, folder, name, command.format(name))
-        for name, draw in subject.figures.items()
-        if not config.only or name in config.only
-    }
+    asked = {name: draw for name, draw in subject.figures.items() if not config.only or name in config.only}
+    drawn = {name: write_picture(draw, folder, name, command.format(name)) for name, draw in asked.items()}
     there = [name for name, one in drawn.items() if isinstance(one, Picture)]
     files = [folder / "figures" / f"{name}{suffix}" for name in there for suffix in (*SUFFIXES, ".csv")]
     if config.only:
@@ -129,11 +126,9 @@ def make_report(config: ReportConfig) -> Report:
 
 def remove_others(folder: Path, files: list[Path]) -> None:
     """Removes figures and statistics that an earlier report left and this one does not have."""
-    kept = set(files)
-    for place in ("figures", "statistics"):
-        for path in sorted((folder / place).glob("*")):
-            if path.suffix in (*SUFFIXES, ".csv") and path not in kept:
-                path.unlink()
+    for path in (*folder.glob("figures/*"), *folder.glob("statistics/*")):
+        if path.suffix in (*SUFFIXES, ".csv") and path not in files:
+            path.unlink()
 
 
 def track(results: Path, report: Report) -> None:
@@ -155,9 +150,8 @@ def headline_numbers(report: Report) -> dict[str, float]:
     evidence = report.subject.evidence
     numbers = {"runs": float(len(evidence.results.runs))}
     for settings in report.subject.readings:
-        for name in verdicts.VERDICTS:
-            count = sum(claim.verdict(settings) == name for claim in report.claims)
-            numbers[f"claims {settings}/{name}"] = float(count)
+        read = Counter(claim.verdict(settings) for claim in report.claims)
+        numbers |= {f"claims {settings}/{name}": float(read[name]) for name in verdicts.VERDICTS}
     for mode in evidence.modes if len(evidence.main) else ():
         for test in GIVEN:
             found = evidence.of_main(mode, "gap", test)

@@ -3,7 +3,6 @@
 from functools import partial
 from pathlib import Path
 
-from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, claims_table
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.claims.reading import read_claims
 from segar.analysis.report.document.sections import document
@@ -12,18 +11,14 @@ from segar.analysis.report.figures import FIGURES
 from segar.analysis.report.results import read_results
 from segar.analysis.report.subject import Subject
 
-READINGS = (METRIC_2022, METRIC_OURS)
-
 
 def paper(folder: Path) -> Subject:
     """The experiments whose tables are in a folder; raises :class:`RunFolderError`."""
     evidence = Evidence(read_results(folder))
     return Subject(
         evidence,
-        READINGS,
         {name: partial(draw, evidence) for name, draw in FIGURES.items()},
         claims=lambda: read_claims(evidence),
         statistics=lambda: statistics(evidence),
-        claims_table=claims_table,
         document=lambda claims, drawn: document(evidence, claims, drawn),
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from segar.analysis.report.claims.claim import Claim
+from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Claim, claims_table
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.document.blocks import Document, Picture
 from segar.analysis.report.figures.drawing import Drawn
@@ -16,12 +16,12 @@ class Subject:
     """The parts of a report, each of which is made when it is asked for."""
 
     evidence: Evidence
-    readings: Sequence[str]  # in which claims are tested, as findings name them
     figures: Mapping[str, Callable[[], Drawn]]  # by name; each may raise NoFigure
     claims: Callable[[], list[Claim]]
-    statistics: Callable[[], Mapping[str, pd.DataFrame]]  # by the names of their CSV files
-    claims_table: Callable[[list[Claim]], pd.DataFrame]
     document: Callable[[list[Claim], Mapping[str, Picture | str]], Document]
+    statistics: Callable[[], Mapping[str, pd.DataFrame]] = dict  # by the names of their CSV files
+    claims_table: Callable[[list[Claim]], pd.DataFrame] = claims_table
+    readings: Sequence[str] = (METRIC_2022, METRIC_OURS)  # in which claims are tested, as findings name them
     words: Mapping[str, str] = field(default_factory=dict)  # for verdicts, where others are better
 
     def sentence(self, claim: Claim) -> str:

@@ -65,20 +65,13 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """A claim in a box."""
-
-    claim: Claim
-
-
-@dataclass(frozen=True)
 class Tiles:
     """Verdicts on claims at a glance; each leads to its box."""
 
     claims: Sequence[Claim]
 
 
-Block = Heading | Paragraph | Bullets | Table | Picture | Verdict | Tiles
+Block = Heading | Paragraph | Bullets | Table | Picture | Claim | Tiles  # a claim is printed as a box
 
 
 @dataclass(frozen=True)

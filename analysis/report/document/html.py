@@ -15,12 +15,7 @@ MARKS = {"supported": "✓", "not supported": "✗", "undecided": "?", "not yet 
 def page(document: Document) -> str:
     """The document as HTML."""
     environment = templates(Path(__file__).parent, autoescape=True)
-    environment.filters |= {
-        "pieces": pieces,
-        "embedded": embedded,
-        "share": share,
-        "kind": lambda block: type(block).__name__,
-    }
+    environment.filters |= {"pieces": pieces, "embedded": embedded, "share": share}
     environment.globals |= {"finding_rows": finding_rows, "finding_head": FINDING_HEAD, "marks": MARKS}
     return environment.get_template("page.html", globals={"document": document}).render() + "\n"
 

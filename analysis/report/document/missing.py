@@ -2,13 +2,11 @@
 
 from segar.analysis.report.captions import TEXTS
 from segar.analysis.report.claims.evidence import Evidence
-from segar.analysis.report.claims.planned import hours_of_one
+from segar.analysis.report.claims.reading import hours_of_one
 from segar.analysis.report.document.blocks import Block, Heading, Paragraph, Table
 from segar.analysis.report.number_format import plain
 from segar.analysis.report.results import Results
 from segar.experiments.reproduction.experiment_file import PLAN, SCALES
-
-MOST_NAMED = 8  # where experiments have no names
 
 
 def preliminary(results: Results) -> list[Block]:
@@ -25,13 +23,6 @@ def what_is_missing(evidence: Evidence) -> list[Block]:
     results = evidence.all_results
     if results.missing.empty:
         return []
-    if "name" not in results.missing:  # tables of a plan that does not name experiments
-        missing = [
-            f"{run}: {reason}" for run, reason in zip(results.missing["run"], results.missing["reason"], strict=True)
-        ]
-        count = f"{len(missing)} runs or tests" if len(missing) > 1 else "a run or test"
-        said = f"**Of what was planned, {count} are missing**: {', '.join(missing[:MOST_NAMED])}"
-        return [Paragraph(said + (" and others." if len(missing) > MOST_NAMED else "."), "warning")]
     found, rows = [], []
     for (name, title), part in results.missing.groupby(["name", "experiment"], sort=False, dropna=False):  # type: ignore[misc]
         unfinished = set(part.loc[part["reason"].isin(["not begun", "not finished"]), "run"])

@@ -9,11 +9,11 @@ import pandas as pd
 from segar.analysis.plotting.names import WORDS
 from segar.analysis.report.captions import GLOSSARY, SETTINGS, TABLES, TEXTS
 from segar.analysis.report.claims import verdicts
-from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, OF_PAPER, Claim
+from segar.analysis.report.claims.claim import LEARNED, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
 from segar.analysis.report.claims.evidence import Evidence
-from segar.analysis.report.document import beyond, tables
-from segar.analysis.report.document.answer import in_a_word, number, why
+from segar.analysis.report.document import tables
 from segar.analysis.report.document.blocks import (
+    SHORT,
     Block,
     Bullets,
     Document,
@@ -22,16 +22,15 @@ from segar.analysis.report.document.blocks import (
     Picture,
     Table,
     Tiles,
-    Verdict,
 )
 from segar.analysis.report.document.files import as_block
 from segar.analysis.report.document.missing import preliminary, what_is_missing
-from segar.analysis.report.number_format import listed, p_value, plain
+from segar.analysis.report.number_format import estimate_text, listed, p_value, plain
 from segar.analysis.report.results import optional
 from segar.analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
 from segar.analysis.tables import column, count_of, select
 
-SUCCESS = "success_test_deterministic"
+OF_W2 = ("matched-w2", "states-w2")  # the studies that take W2 and the number of levels apart
 
 
 def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, Picture | str]) -> Document:
@@ -42,7 +41,7 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         return [as_block(figures[name])]
 
     def boxes(*names: str) -> list[Block]:
-        return [Verdict(by_name[name]) for name in names]
+        return [by_name[name] for name in names]
 
     def section(title: str, level: int, figure: str, *names: str) -> list[Block]:
         return [Heading(title, level), *drawn(figure), *boxes(*names)]
@@ -58,26 +57,19 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         Heading("Questions that we add"),
         claims_table([claim for claim in claims if claim.of != OF_PAPER]),
         *what_is_missing(evidence),
-        *section(
-            "W2, coverage or diversity?",
-            2,
-            "matched_sets",
-            "matched-w2",
-            "matched-coverage",
-            "states-w2",
-            "states-coverage",
-        ),
+        *section("W2, coverage or diversity?", 2, "matched_sets"),
+        *boxes("matched-w2", "matched-coverage", "states-w2", "states-coverage"),
         *section("Out of distribution", 2, "figure_4a", "4a-larger", "4a-shift", "4a-trend", "4a-all"),
         *([Heading("How many levels close the gap"), *drawn("train_and_test")] if there else []),
     ]
     appendix: list[Block] = [
         Heading("Words"),
         Bullets(GLOSSARY),
-        *who_counts(evidence, there),
+        *(who_counts(evidence) if there else ()),
         Heading("The main grid: gap against W2"),
         *boxes("3a", "3a-panel", "3a-n", "3a-cell", "3a-agent"),
         *section("What survives other choices", 3, "specification_curves"),
-        *beyond.matched(evidence),
+        *tables.matched(evidence),
         *section("Ten levels, picked in several ways", 3, "fixed_n", "fixed-n"),
         *section("Each panel by itself", 2, "figure_3b", "3b-trend", "3b-easy", "3b-empty", "3b-weak"),
         *section("What representations know", 2, "figure_4b", "4b-train", "4b-none"),
@@ -87,14 +79,26 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         *section("Learning", 2, "figure_5b", "5b-diversity", "5b-easy"),
         *section("SAC", 3, "appendix_sac", "A-sac-easy", "A-sac-hard"),
         *section("Scores of algorithms", 3, "performance_profiles"),
-        *beyond.compared(evidence),
+        *tables.compared(evidence),
         Heading("KS and W2", 3),
         *boxes("A-ks"),
-        *beyond.blocks(evidence, drawn, boxes),
+        Heading("Beyond the paper"),
+        *section("Diversity of the training set", 3, "diversity"),
+        *section("Other physics", 3, "rules"),
+        *tables.shifts(evidence, evidence.results.other_physics, "test_variation"),
+        *section("Unseen rule sets", 3, "rule_sets", "rule-sets", "rule-sets-unseen", "rule-set-distance"),
+        *section("A memory over trials", 3, "trials", "memory"),
+        *section("Other textures", 3, "visual"),
+        *tables.shifts(evidence, evidence.results.other_looks, "shift"),
+        *section("Hardness by reward", 3, "hardness"),
+        *section("Agents that see the factors", 3, "upper_bound"),
+        *tables.true_factors(evidence),
+        *section("W2 without training", 3, "w2_study"),
+        *section("Which factors make the gap", 3, "attribution"),
+        *tables.attributed(evidence),
         Heading("Claims without a test"),
         *boxes(*(claim.name for claim in claims if claim.untested)),
-        *(estimates(evidence) if there else ()),
-        *whose_settings(evidence, there),
+        *([*estimates(evidence), *whose_settings(evidence)] if there else ()),
         *how_verdicts_are_decided(evidence),
         *written_before(),
         *how_often_rules_err(evidence.all_results.folder),
@@ -104,6 +108,58 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
     scale = evidence.all_results.scale
     subtitle = f"The Sandbox Environment for Generalizable Agent Research (SEGAR): its experiments at scale `{scale}`"
     return Document(title, subtitle, blocks, answer=in_a_word(by_name).capitalize() + ".", appendix=appendix)
+
+
+def in_a_word(claims: Mapping[str, Claim]) -> str:
+    """The answer to the title's question, by the rule in ``rules.yaml``: yes, partly, no, or not known yet."""
+    headline = claims["3a"].verdict(METRIC_OURS)
+    itself = of_itself([claims[name].verdict(METRIC_OURS) for name in OF_W2])
+    both = [headline, itself].count(verdicts.SUPPORTED)
+    if both:
+        return "yes" if both == 2 else "partly"
+    return "no" if {headline, itself} == {verdicts.NOT_SUPPORTED} else "not known yet"
+
+
+def of_itself(read: Sequence[str]) -> str:
+    """What the matched sets say of W2 itself: supported where one study supports it and none says the opposite."""
+    if verdicts.NOT_SUPPORTED in read:
+        return verdicts.NOT_SUPPORTED
+    return verdicts.SUPPORTED if verdicts.SUPPORTED in read else verdicts.UNDECIDED
+
+
+def why(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
+    """The answer in some sentences: the headline, W2 at equal numbers of levels, and how many levels close the gap."""
+    said = {}
+    for name in ("3a", *OF_W2):
+        claim, found = claims[name], leading(claims[name], METRIC_OURS)
+        runs = f"; {claim.planned}" if claim.planned.is_short else ""
+        beside = f"; in its place {found.beside}" if found and found.beside else ""
+        said[name] = claim.verdict(METRIC_OURS) + (f" ({number(found)}{beside}{runs})" if found else "")
+    headline, pixels, states = said.values()
+    text = TEXTS["why"].format(headline=headline, pixels=pixels, states=states, levels=levels_close(evidence))
+    return text.strip()
+
+
+def levels_close(evidence: Evidence) -> str:
+    """The gap in success with the fewest training levels and with the most."""
+    main = evidence.main
+    counts = sorted({*main["n"]})
+    if len(counts) < 2:
+        return ""
+    few, many = (evidence.mean(select(main, n=n), "gap_success") for n in (counts[0], counts[-1]))
+    levels = "one training level" if counts[0] == 1 else f"{counts[0]} training levels"
+    shown = {"few": estimate_text(few, ""), "many": estimate_text(many, "")}
+    return TEXTS["levels_close"].format(fewest=levels, most=counts[-1], **shown)
+
+
+def leading(claim: Claim, settings: str) -> Finding | None:
+    """The first test of a claim that has a number, with the runs that learned; None where there is none."""
+    return next((one for one in claim.tests(settings, LEARNED) if np.isfinite(one.found.estimate)), None)
+
+
+def number(one: Finding) -> str:
+    """An estimate with its interval and what it rests on."""
+    return estimate_text(one.found, SHORT.get(one.measure, one.measure))
 
 
 def claims_table(claims: Sequence[Claim]) -> Table:
@@ -130,11 +186,9 @@ def claims_table(claims: Sequence[Claim]) -> Table:
     return Table(head, rows, 6, TABLES["verdicts"])
 
 
-def who_counts(evidence: Evidence, there: bool) -> list[Block]:
+def who_counts(evidence: Evidence) -> list[Block]:
     """The gate, and how many runs of each panel are above it."""
-    if not there:
-        return []
-    text = [Heading("Which runs count"), Paragraph(" ".join(str(RULES["gate"]["leading"]).split()))]
+    text = [Heading("Which runs count"), Paragraph(sentence(RULES["gate"]["leading"]))]
     if evidence.all_results.players.empty:
         text.append(Paragraph(TEXTS["not_measured"], "warning"))
     return [*text, tables.gate_table(evidence)]
@@ -160,10 +214,8 @@ def confound(evidence: Evidence) -> str:
     return TEXTS["confound"].format(share=f"{100 * both[mode]:.0f} %", distance=tables.DISTANCES[mode])
 
 
-def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
+def whose_settings(evidence: Evidence) -> list[Block]:
     """The paper's setting beside ours."""
-    if not there:
-        return []
     main = evidence.ungated.main
     rows = [[one["setting"], one["paper"], stated(main, one["column"], one.get("words", WORDS))] for one in SETTINGS]
     head = ("setting", "paper and code of 2022", "this main grid")
@@ -183,47 +235,38 @@ def what_was_run(evidence: Evidence) -> list[Block]:
     named = runs.assign(experiment=runs["experiments"].str.split()).explode("experiment")
     rows = []
     for name, part in named.groupby("experiment", sort=True, dropna=False):
-        hours = plain(float(column(part, "hours").sum()), 1) if "hours" in part else ""
         rows.append([
             f"`{name}`", listed(part["algorithm"]), listed(part["observation"]).replace("(", " ("), str(len(part)),
-            tables.frames_of(part), listed(part["n"]), listed(part["seed"]), hours,
+            tables.frames_of(part), listed(part["n"]), listed(part["seed"]), hours_of(part),
         ])  # fmt: skip
     head = ("experiment", "algorithm", "observation", "runs", "frames", "training levels", "seeds", "hours")
     shown = Table(head, rows, 3, "Experiments share runs, so their hours overlap.")
-    sentences = []
-    if "hours" in runs:
-        hours = plain(float(column(runs, "hours").sum()), 1)
-        sentences.append(f"All {len(runs)} runs together took {hours} hours of training and evaluation.")
-    if "test_levels" in runs:
-        sentences.append(TEXTS["test_levels"].format(levels=listed(runs["test_levels"])))
-    return [Heading("What was run"), shown, Paragraph(" ".join(sentences)), *versions(named)]
+    text = f"All {len(runs)} runs together took {hours_of(runs)} hours of training and evaluation. "
+    text += TEXTS["test_levels"].format(levels=listed(runs["test_levels"]))
+    return [Heading("What was run"), shown, Paragraph(text), *versions(named)]
+
+
+def hours_of(runs: pd.DataFrame) -> str:
+    """How many hours runs took together."""
+    return plain(float(column(runs, "hours").sum()), 1)
 
 
 def versions(named: pd.DataFrame) -> list[Block]:
     """Libraries, commits and fingerprints of the code, of runs with a row for each ``experiment`` that they belong to."""
-    if "code" not in named:
-        return []
-    unknown = {
-        "libraries": "",
-        "commit": "",
-        "computed_with": "",
-        "code": "unknown",
-    }  # of runs that older tables tell of
+    unknown = {"libraries": "", "commit": "", "computed_with": "", "code": "unknown"}  # of imported runs
     named = named.assign(**{name: "" for name in unknown if name not in named}).fillna(unknown)
-    made = ". Others: ".join(sorted(set(named["libraries"]) - {""}))
     rows = []
     for code, part in named.groupby("code", sort=True, dropna=False):
         shortened = {commit[:9] + "+" * commit.endswith("+") for commit in part["commit"] if commit}
         commits = ", ".join(f"`{commit}`" for commit in sorted(shortened))
         rows.append([f"`{code}`", commits, listed(part["experiment"]), str(count_of(part, "run"))])
     many = "several versions" if len(rows) > 1 else "one version"
-    libraries = [Paragraph(f"Libraries: {made}.")] if made else []
-    computed = sorted(set(named["computed_with"]) - {""})
-    libraries += [Paragraph(f"Computed with: {'. Others: '.join(computed)}.")] if computed else []
-    return [
-        *libraries,
-        Table(("fingerprint", "commits", "experiments", "runs"), rows, 3, TEXTS["versions"].format(many=many)),
-    ]
+    head = ("fingerprint", "commits", "experiments", "runs")
+    blocks: list[Block] = []
+    for words, name in {"Libraries": "libraries", "Computed with": "computed_with"}.items():
+        if known := sorted(set(named[name]) - {""}):
+            blocks.append(Paragraph(f"{words}: {'. Others: '.join(known)}."))
+    return [*blocks, Table(head, rows, 3, TEXTS["versions"].format(many=many))]
 
 
 def how_verdicts_are_decided(
@@ -244,17 +287,17 @@ def how_verdicts_are_decided(
 def written_before() -> list[Block]:
     """When the rules were written, the hash of their file, and the one test of each claim that they name."""
     text = TEXTS["written"].format(day=WRITTEN, digest=SHA256[:16], seen=sentence(RULES["seen"]))
-    primary = [f"**{name}**: {sentence(words)}" for name, words in RULES["primary"].items()]
-    choices = [f"**{name.capitalize()}**: {'; '.join(names)}." for name, names in RULES["specifications"].items()]
-    ends = [f"**{name}**: {sentence(words)}" for name, words in RULES["stopping"].items()]
-    designed = [f"**{name.capitalize()}**: {sentence(words)}" for name, words in RULES["matched"].items()]
-    return [
-        Paragraph(text),
-        *(Heading("When runs end", 3), Bullets(ends)),
-        *(Heading("The primary tests", 3), Bullets(primary)),
-        *(Heading("The choices of specifications", 3), Bullets(choices)),
-        *(Heading("The designed study", 3), Bullets(designed)),
-    ]
+    rules = {
+        "When runs end": [f"**{name}**: {sentence(words)}" for name, words in RULES["stopping"].items()],
+        "The primary tests": [f"**{name}**: {sentence(words)}" for name, words in RULES["primary"].items()],
+        "The choices of specifications": [
+            f"**{name.capitalize()}**: {'; '.join(names)}." for name, names in RULES["specifications"].items()
+        ],
+        "The designed study": [
+            f"**{name.capitalize()}**: {sentence(words)}" for name, words in RULES["matched"].items()
+        ],
+    }
+    return [Paragraph(text), *(block for title, some in rules.items() for block in (Heading(title, 3), Bullets(some)))]
 
 
 def how_often_rules_err(folder: Path) -> list[Block]:

@@ -7,7 +7,7 @@ import pandas as pd
 
 from segar.analysis.report.captions import TEXTS
 from segar.analysis.report.claims.claim import Claim
-from segar.analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
+from segar.analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table
 from segar.analysis.report.document.files import as_block
 from segar.analysis.report.document.missing import preliminary, what_is_missing
 from segar.analysis.report.document.sections import how_verdicts_are_decided, what_was_run
@@ -31,18 +31,14 @@ OWN_VERDICTS, OWN_MARGINS = ("effect", "absence", "untestable"), ("correlation",
 def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Picture | str]) -> Document:
     """The whole report."""
     drawn = {name: as_block(one) for name, one in pictures.items()}
-    blocks: list[Block] = [*opening(study, claims), *map(Verdict, claims)]
+    blocks: list[Block] = [*opening(study, claims), *claims]
     blocks += [Heading("Gap against distance"), drawn["gap_against_distance"], drawn["gap"]]
     blocks += [Heading("Success"), drawn["success"], cells(study), *other_levels(study)]
     blocks += [Heading("Learning"), drawn["curves"], *what_was_run(study.evidence)]
     if claims:
         head, rules = how_verdicts_are_decided(study.evidence, OWN_VERDICTS, OWN_MARGINS)
-        blocks += [
-            head,
-            Paragraph("A claim **holds** where these rules say supported."),
-            rules,
-            Paragraph(TEXTS["given"]),
-        ]
+        holds = Paragraph("A claim **holds** where these rules say supported.")
+        blocks += [head, holds, rules, Paragraph(TEXTS["given"])]
     return Document(str(study.asked["title"]), f"The study `{study.asked['name']}`", blocks, (TESTED,), WORDS)
 
 
@@ -61,11 +57,9 @@ def opening(study: Study, claims: Sequence[Claim]) -> Iterator[Block]:
         return
     sentences = []
     for claim in claims:
-        verdict = claim.verdict(TESTED)
-        numbers = [estimate_text(one.found, one.measure) for one in claim.findings]
-        sentences.append(
-            f"**{claim.name}** {claim.statement} {WORDS.get(verdict, verdict).capitalize()}. {' '.join(numbers)}"
-        )
+        verdict = WORDS.get(claim.verdict(TESTED), claim.verdict(TESTED)).capitalize()
+        numbers = " ".join(estimate_text(one.found, one.measure) for one in claim.findings)
+        sentences.append(f"**{claim.name}** {claim.statement} {verdict}. {numbers}")
     yield Bullets(sentences)
 
 

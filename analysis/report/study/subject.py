@@ -21,12 +21,11 @@ def study(folder: Path) -> Subject:
     asked = read_study(folder)
     return Subject(
         asked.evidence,
-        (TESTED,),
         {name: partial(draw, asked) for name, draw in FIGURES.items()},
         claims=lambda: [claim_or_reason(asked, name, one) for name, one in asked.asked.get("claims", {}).items()],
-        statistics=dict,
         claims_table=tested_claims,
         document=lambda claims, drawn: document(asked, claims, drawn),
+        readings=(TESTED,),
         words=WORDS,
     )
 

@@ -16,8 +16,8 @@ from segar.analysis.report.claims.statements import METRICS, STATEMENTS, stated
 from segar.analysis.report.claims.tests import TESTS, differences
 from segar.analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
 from segar.analysis.report.claims.words import BESIDE, NUMBERS
-from segar.analysis.report.document.beyond import CONTRASTS, contrasts
 from segar.analysis.report.document.blocks import FINDING_HEAD, finding_rows
+from segar.analysis.report.document.tables import CONTRASTS, contrasts
 from segar.analysis.report.number_format import NONE
 from segar.analysis.report.results import read_results
 from segar.analysis.report.rules import WHOLE

@@ -15,8 +15,8 @@ from segar.analysis.report.claims.scores import (
     profiles,
     scored,
 )
-from segar.analysis.report.document.beyond import compared
 from segar.analysis.report.document.blocks import Bullets, Table
+from segar.analysis.report.document.tables import compared
 from segar.analysis.report.figures.agents import THRESHOLDS, performance_profiles
 from segar.analysis.report.figures.drawing import NoFigure
 from segar.analysis.report.results import read_results
