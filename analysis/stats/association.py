@@ -14,10 +14,6 @@ from segar.analysis.stats.correlation import correlate, indicators, residuals, w
 from segar.analysis.tables import Floats
 from segar.errors import SegarError, did_you_mean
 
-ASSOCIATION_COLUMNS = (
-    "test", "panel", "method", "outliers", "removed", "estimate", "low", "high", "n", "p", "level", "note", "p_holm",
-)  # fmt: skip
-
 
 def associations(
     table: pd.DataFrame,
@@ -64,14 +60,14 @@ def associations(
             mine = part_names == name
             tests.append(("within", words[names == name][0], correlate(a[mine], b[mine])))
         for test, label, one in tests:
-            base = {"outliers": rule, "removed": removed, "test": test, "panel": label}
-            rows += [one.pearson.row(**base, method="pearson"), one.spearman.row(**base, method="spearman")]
+            for method, r in (("pearson", one.pearson), ("spearman", one.spearman)):
+                rows.append(r.row(test=test, panel=label, method=method, outliers=rule, removed=removed))
     found = pd.DataFrame(rows)
     found["p_holm"] = np.nan
     within = found["test"] == "within"
     for _, group in found[within].groupby(["method", "outliers"], dropna=False):
         found.loc[group.index, "p_holm"] = holm(np.asarray(group["p"]))
-    return pd.DataFrame({name: found[name] for name in ASSOCIATION_COLUMNS})
+    return found
 
 
 def kept(table: pd.DataFrame, x: str, y: str, names: NDArray[Any], rule: str) -> NDArray[np.bool_]:

@@ -59,9 +59,7 @@ def value_cube(table: pd.DataFrame, groups: Sequence[str], value: str) -> Floats
     require(table, "pair", value, *groups)
     ordered = table.sort_values(["pair", *groups])
     pairs = len(set(ordered["pair"]))
-    expected = full_factorial(groups).to_numpy()
-    if len(ordered) != pairs * len(expected) or not np.array_equal(
-        ordered[list(groups)], np.tile(expected, (pairs, 1))
-    ):
-        raise SegarError(f"every pair must have all {len(expected)} combinations of {', '.join(groups)} once")
+    expected = np.tile(full_factorial(groups), (pairs, 1))
+    if not np.array_equal(ordered[list(groups)], expected):
+        raise SegarError(f"every pair must have all {2 ** len(groups)} combinations of {', '.join(groups)} once")
     return ordered[value].to_numpy(np.float64).reshape(pairs, *(2,) * len(groups))

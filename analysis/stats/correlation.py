@@ -133,6 +133,5 @@ def _p_of_orders(x: Floats, y: Floats) -> float:
     def centred_product(column: Floats, axis: int) -> Floats:
         return (column * (y - y.mean())).sum(axis=axis)
 
-    return float(
-        stats.permutation_test((x,), centred_product, permutation_type="pairings", n_resamples=ALL_ORDERS).pvalue
-    )
+    found = stats.permutation_test((x,), centred_product, permutation_type="pairings", n_resamples=ALL_ORDERS)
+    return float(found.pvalue)

@@ -11,8 +11,9 @@ import pandas as pd
 import statsmodels.formula.api as smf
 from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
-from segar.analysis.stats.association import keys, require
+from segar.analysis.stats.association import keys, logarithms, require
 from segar.analysis.stats.estimate import Estimate
+from segar.analysis.tables import column
 from segar.errors import SegarError
 
 
@@ -87,11 +88,9 @@ def mixed_model(
         rows.append(dataclasses.replace(one, note=one.note or note).row(term=name))
     variances = np.append(np.asarray(found.vcomp, np.float64), float(found.scale))
     effects.append(("residual", len(data)))
-    random_rows = [
-        {"effect": name, "groups": groups, "variance": v, "share": v / variances.sum()}
-        for (name, groups), v in zip(effects, variances, strict=True)
-    ]
-    return MixedModel(pd.DataFrame(rows), pd.DataFrame(random_rows), note)
+    shares = pd.DataFrame(effects, columns=["effect", "groups"])
+    shares = shares.assign(variance=variances, share=variances / variances.sum())
+    return MixedModel(pd.DataFrame(rows), shares, note)
 
 
 def model_table(
@@ -101,13 +100,10 @@ def model_table(
     stray = [name for name in log if name not in x]
     if stray:
         raise SegarError(f"log: '{stray[0]}' is not among x, {', '.join(x)}")
-    data, terms = {"y": table[y].to_numpy(np.float64)}, []
+    data = {"y": column(table, y)}
     for k, name in enumerate(x):
-        values = table[name].to_numpy(np.float64)
-        if name in log and not (values > 0).all():
-            raise SegarError(f"log: a value of '{name}' has no logarithm")
-        data[f"x{k}"] = np.log(values) if name in log else values
-        terms.append(f"log {name}" if name in log else name)
+        data[f"x{k}"] = logarithms(table, [name])[:, 0] if name in log else column(table, name)
+    terms = [f"log {name}" if name in log else name for name in x]
     for key, values in data.items():
         if not np.isfinite(values).all() or np.ptp(values) == 0:
             name = y if key == "y" else x[int(key[1:])]

@@ -31,8 +31,8 @@ def left_out(
         r2 = explained(target, x)
         freedom = len(target) - x.shape[1] - 1
         adjusted = 1 - (1 - r2) * (len(target) - 1) / freedom if freedom > 0 else np.nan
-        seen = dict(r2=r2, adjusted_r2=adjusted, r2_left_out=gain(target, x, np.empty((len(target), 0)), place))
-        rows.append({"predictors": name, **seen})
+        unseen = gain(target, x, np.empty((len(target), 0)), place)
+        rows.append({"predictors": name, "r2": r2, "adjusted_r2": adjusted, "r2_left_out": unseen})
     return pd.DataFrame(rows).assign(n=len(target))
 
 

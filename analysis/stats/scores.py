@@ -46,9 +46,7 @@ def optimality_gap(scores: Scores, target: float = 1.0) -> Scores:
     return target - np.minimum(scores, target).mean(axis=(-2, -1))
 
 
-AGGREGATES: dict[str, Callable[[Scores], Scores]] = {
-    "iqm": iqm, "mean": mean, "median": median, "optimality_gap": optimality_gap,
-}  # fmt: skip
+AGGREGATES = {one.__name__: one for one in (iqm, mean, median, optimality_gap)}
 
 
 def aggregates(
@@ -96,11 +94,9 @@ def interval_rows(
         for label, function in functions.items():
             value, few = float(function(values)), too_few(values)
             low, high = (float(end) for end in np.quantile(function(drawn), (0.025, 0.975)))
-            one = (
-                Estimate(value, np.nan, np.nan, values.size, note=few)
-                if few
-                else interval(value, low, high, values.size)
-            )
+            one = interval(value, low, high, values.size)
+            if few:
+                one = Estimate(value, np.nan, np.nan, values.size, note=few)
             rows.append(one.row(**{"algorithm": name, column: label}))
     return pd.DataFrame(rows)
 

@@ -98,9 +98,8 @@ class Claim:
     runs: str = LEARNED  # which runs its verdict is about
     planned: Planned = Planned()
     untested: str = ""  # the verdict where no run of any plan is about it
-    corrected: Mapping[tuple[str, str], float] = field(
-        default_factory=dict
-    )  # Holm's p over its family, by settings and runs
+    corrected: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    """Holm's p over its family, by settings and runs."""
 
     def verdict(self, settings: str = METRIC_2022, runs: str = "") -> str:
         """The verdict in these settings; empty where the claim has no test in them, but has in others."""
@@ -137,10 +136,6 @@ class Claim:
     def tests(self, settings: str, runs: str = LEARNED) -> list[Finding]:
         """The findings in these settings, with these runs."""
         return [one for one in self.findings if one.settings == settings and one.runs == runs]
-
-    def with_words(self, follows: str = "", needs: str = "") -> Claim:
-        """The claim with what follows from its findings, or with what it would take to test it."""
-        return dataclasses.replace(self, follows=follows, needs=needs)
 
 
 def with_holm(claims: Sequence[Claim]) -> list[Claim]:

@@ -3,6 +3,7 @@
 import dataclasses
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -12,14 +13,14 @@ import pandas as pd
 
 from segar.analysis.report.results import BLOCK, ETA, PANEL, Results, measured
 from segar.analysis.report.rules import LEAST_BLOCKS
-from segar.analysis.stats.association import ASSOCIATION_COLUMNS, associations, labels
+from segar.analysis.stats.association import associations, labels
 from segar.analysis.stats.attribution import full_factorial, shapley_of_pairs
 from segar.analysis.stats.correlation import correlate, explained, indicators
 from segar.analysis.stats.estimate import Estimate
 from segar.analysis.stats.mixed import mixed_model
 from segar.analysis.stats.prediction import left_out
 from segar.analysis.stats.resampling import by_blocks, partial, permutation_of_blocks
-from segar.analysis.tables import column, count_of, keep, pick, select
+from segar.analysis.tables import column, count_of, keep, select
 from segar.errors import SegarError
 from segar.experiments.reproduction.grid import compares_panels
 from segar.levels import REST, SEPARATOR
@@ -33,31 +34,25 @@ GIVEN_CELL = "given cell"
 GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and n": ("panel", "levels"), GIVEN_CELL: ("cell",)}
 
 
+@dataclass(frozen=True, eq=False)
 class Evidence:
-    """Statistics of the runs that learned their training levels, or of all runs.
+    """Statistics of the runs that learned their training levels, or of all runs."""
 
-    Args:
-        results: the tables.
-        gated: leave out the runs below the gate (``analysis/report/rules.yaml``).
-        least_blocks: that an interval is given of.
-        blocks: what blocks of these columns are called where there are too few.
-    """
+    all_results: Results
+    gated: bool = True  # leave out the runs below the gate (``analysis/report/rules.yaml``)
+    least_blocks: int = LEAST_BLOCKS  # that an interval is given of
+    blocks: Mapping[tuple[str, ...], str] = field(default_factory=lambda: {BLOCK: "blocks", PANEL: "blocks"})
+    """What blocks of these columns are called where there are too few."""
 
-    def __init__(
-        self,
-        results: Results,
-        gated: bool = True,
-        least_blocks: int = LEAST_BLOCKS,
-        blocks: Mapping[tuple[str, ...], str] = {BLOCK: "blocks", PANEL: "blocks"},
-    ):
-        self.all_results = results
-        self.results = results.gated if gated else results
-        self.least_blocks, self.blocks = least_blocks, blocks
+    @cached_property
+    def results(self) -> Results:
+        """The tables of the runs that count."""
+        return self.all_results.gated if self.gated else self.all_results
 
     @cached_property
     def ungated(self) -> "Evidence":
         """The same with all runs."""
-        return Evidence(self.all_results, False, self.least_blocks, self.blocks)
+        return dataclasses.replace(self, gated=False)
 
     @property
     def main(self) -> pd.DataFrame:
@@ -73,10 +68,9 @@ class Evidence:
     @cached_property
     def associations(self) -> pd.DataFrame:
         """:func:`segar.analysis.stats.association.associations` of the main grid for every W2 mode and kind of gap."""
-        parts = [
-            associations(self.main, f"w2_{mode}", gap).assign(w2=mode, gap=gap) for mode in self.modes for gap in GAPS
-        ]
-        return pick(pd.concat(parts, ignore_index=True), ["w2", "gap", *ASSOCIATION_COLUMNS])
+        asked = list(product(self.modes, GAPS))
+        parts = [associations(self.main, f"w2_{mode}", gap) for mode, gap in asked]
+        return pd.concat(parts, keys=asked, names=["w2", "gap"]).reset_index(["w2", "gap"]).reset_index(drop=True)
 
     def by_blocks(
         self, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
@@ -204,17 +198,15 @@ def pearson(table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> E
     return correlate(column(table, x), column(table, y), matrix(table, given)).pearson
 
 
-def matrix(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray | None:
-    """Covariates [n, k]: numbers as they are, anything else as indicators; None where there are none."""
-    parts = []
+def matrix(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray:
+    """Covariates [n, k]: numbers as they are, anything else as indicators."""
+    parts = [np.empty((len(table), 0))]
     for name in given:
         numeric = pd.api.types.is_numeric_dtype(table[name])
         parts.append(column(table, name) if numeric else indicators(list(table[name].astype(str))))
-    return np.column_stack(parts) if parts else None
+    return np.column_stack(parts)
 
 
 def design(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray:
     """What least squares takes out of a column: its mean, and covariates; [n, 1 + k]."""
-    covariates = matrix(table, given)
-    ones = np.ones((len(table), 1))
-    return ones if covariates is None else np.column_stack([ones, covariates])
+    return np.column_stack([np.ones(len(table)), matrix(table, given)])

@@ -19,11 +19,8 @@ MEASURES = {
     "effective number": "effective_number",
     "KS": "ks",
 }
-PARTS = {
-    "position": "part_position",
-    "properties": "part_properties",
-    "rest": "part_types",
-}  # groups of the attribution
+# The groups of the attribution.
+PARTS = {"position": "part_position", "properties": "part_properties", "rest": "part_types"}
 OUTCOME = "gap_success"
 
 

@@ -69,11 +69,6 @@ def self_supervised(evidence: Evidence) -> pd.DataFrame:
     return runs.assign(auxiliary=[name if name in auxiliary(runs) else "" for name in names], compared=kinds)
 
 
-def probes_with_masses(evidence: Evidence) -> pd.DataFrame:
-    """The accuracies of the appendix's agents without a memory."""
-    return accuracies(evidence.results, masses_without_a_memory(evidence))
-
-
 def masses_without_a_memory(evidence: Evidence) -> pd.DataFrame:
     """The runs of the appendix's mass and frame stack whose agents have no memory."""
     masses = evidence.results.masses
@@ -105,9 +100,8 @@ def replicated_probes(evidence: Evidence) -> pd.DataFrame:
     found = found.merge(asked, on=["run", "probe"])
     of_means = found.groupby(["probe", "cell"], dropna=False)["accuracy_test"].transform("var")
     found = found.assign(of_one=of_means - found["of_mean"] + found["within"])
-    return found.assign(
-        replicate_part=found["within"] / found.groupby(["probe", "family"], dropna=False)["of_one"].transform("mean")
-    )
+    of_family = found.groupby(["probe", "family"], dropna=False)["of_one"].transform("mean")
+    return found.assign(replicate_part=found["within"] / of_family)
 
 
 def matched_states(evidence: Evidence) -> pd.DataFrame:
@@ -117,11 +111,7 @@ def matched_states(evidence: Evidence) -> pd.DataFrame:
     if runs.empty or LESS_REGRET not in runs:
         return runs.head(0)
     like, cell = select(runs, design="matched"), ["family", "n"]
-    means = pd.DataFrame(
-        [(family, n, part[LESS_REGRET].mean()) for (family, n), part in like.groupby(cell, dropna=False)],  # type: ignore[misc]
-        columns=[*cell, "usual"],
-    )
-    runs = runs.merge(means, on=cell)
+    runs = runs.merge(mean_by(like.assign(usual=like[LESS_REGRET]), cell, ["usual"]), on=cell)
     return runs.assign(relative_regret=runs[LESS_REGRET] / runs["usual"])
 
 
@@ -161,8 +151,6 @@ def all_rule_set_runs(evidence: Evidence) -> pd.DataFrame:
     """The runs on a chosen number of rule sets: that number ``rule_sets``, its logarithm ``log_rule_sets``, ``chosen`` (near,
     far, or empty), and ``dynamics_w2``, their distance to those of the test, which is none where it was not measured."""
     runs = evidence.results.of("rule_sets")
-    if runs.empty:
-        return runs
     parts = runs["design"].astype(str).str.extract(r"^rule_sets_(?P<number>\d+)(?:_(?P<chosen>near|far))?$")
     runs, parts = (keep(one, parts["number"].notna()) for one in (runs, parts))
     number = parts["number"].astype(float)
@@ -175,21 +163,18 @@ def all_rule_set_runs(evidence: Evidence) -> pd.DataFrame:
 
 def rule_set_runs(evidence: Evidence) -> pd.DataFrame:
     """The runs whose rule sets are the first of a sample, see :func:`all_rule_set_runs`."""
-    runs = all_rule_set_runs(evidence)
-    return select(runs, chosen="") if len(runs) else runs
+    return select(all_rule_set_runs(evidence), chosen="")
 
 
 def runs_on_ten(evidence: Evidence) -> pd.DataFrame:
     """The runs on ten rule sets, whether the first, near or far ones, whose distance to the test was measured."""
     runs = all_rule_set_runs(evidence)
-    return keep(runs, (runs["rule_sets"] == 10) & runs["dynamics_w2"].notna()) if len(runs) else runs
+    return keep(runs, (runs["rule_sets"] == 10) & runs["dynamics_w2"].notna())
 
 
 def trial_runs(evidence: Evidence) -> pd.DataFrame:
     """The runs over trials, with ``memory`` and ``last_trial``, their success in the last trial on unseen rule sets."""
     runs = evidence.results.of("trials")
-    if runs.empty:
-        return runs
     names = trial_columns(runs)
     recurrent = runs["algorithm"].astype(str).str.startswith("ppo_recurrent")
     return runs.assign(memory=recurrent, last_trial=runs[names[-1]]) if names else runs.iloc[:0]
@@ -246,7 +231,7 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "conditions on the reward": conditional_rewards,
     "masses": lambda evidence: evidence.results.masses,
     "masses without a memory": masses_without_a_memory,
-    "probes with masses": probes_with_masses,
+    "probes with masses": lambda evidence: accuracies(evidence.results, masses_without_a_memory(evidence)),
     "SAC": soft_actor_critic,
     "distances without training": distances_of_empty,
     "numbers of rule sets": rule_set_runs,

@@ -9,6 +9,7 @@ import pandas as pd
 
 from segar.analysis.report.claims.claim import METRIC_OURS
 from segar.analysis.report.claims.evidence import GIVEN_CELL, Evidence
+from segar.analysis.report.claims.prediction import MEASURES
 from segar.analysis.report.claims.rows import LEVELS, PROBES, ROWS, accuracies
 from segar.analysis.report.claims.statements import STATEMENTS, tested
 from segar.analysis.report.claims.verdicts import is_known, is_significant
@@ -18,16 +19,13 @@ from segar.analysis.stats.estimate import Estimate
 from segar.analysis.tables import column, keep, select
 from segar.experiments.reproduction.experiment_file import SIGNS
 
-Specification = tuple[str, dict[str, str], Estimate]  # the claim, the choices, and what they give
+CHOICES = ("claim", "number of levels", "measure", "outcome", "runs")
+Specification = tuple[str, str, str, str, str, Estimate]  # the claim, its choices, and what they give
 SHARE = 0.8  # of the specifications that must agree
 # Each choice in words, with the column that stands for it; a column that the tables do not have is left out.
 FORMS = {"n as a factor": "levels", "log n": "log_n", "1/sqrt n": "inverse_root_n"}
-DISTANCES = {
-    "exact W2": "w2_exact",
-    "W2 of positions": "w2_position",
-    "exact W2 without its floor": "w2_debiased",
-    "W2 of 2022": "w2_reference",
-}
+DISTANCES = {name: MEASURES[name] for name in ("exact W2", "W2 of positions", "exact W2 without its floor")}
+DISTANCES["W2 of 2022"] = "w2_reference"
 OUTCOMES = {"return": "gap", "success": "gap_success", "regret": LESS_REGRET}
 ALL_COUNTS, SEVERAL = "all", "more than one"  # which runs, by their number of training levels or rule sets
 NOT_GIVEN = "not given"
@@ -42,7 +40,9 @@ def specifications(evidence: Evidence) -> pd.DataFrame:
     Claims, the figure, the text and the CSV file of a report ask for the same table, which takes some seconds.
     """
     found = (of_distances(evidence), of_rule_sets(evidence), of_diversity(evidence), of_accuracies(evidence))
-    rows = [one.row(claim=claim, **choices) for part in found for claim, choices, one in part if is_known(one)]
+    rows = [
+        one.row(**dict(zip(CHOICES, choices, strict=True))) for part in found for *choices, one in part if is_known(one)
+    ]
     return pd.DataFrame(rows)
 
 
@@ -52,40 +52,31 @@ def of_distances(evidence: Evidence) -> Iterator[Specification]:
     for claim, given in OF_DISTANCE.items():
         runs = agent if claim == "3a-agent" else main
         forms = FORMS if claim == "3a-n" else {GIVEN_CELL if claim == "3a-cell" else NOT_GIVEN: ""}
-        outcomes = there(OUTCOMES, runs)[
-            : 1 if claim == "3a" else None
-        ]  # panels have other successes, whatever the distance
-        for (which, part), (distance, x), (outcome, y) in product(
-            by_number(runs, "n"), there(DISTANCES, runs), outcomes
-        ):
+        outcomes = there(OUTCOMES, runs)
+        if claim == "3a":  # panels have other successes, whatever the distance
+            outcomes = outcomes[:1]
+        asked = product(by_number(runs, "n"), there(DISTANCES, runs), outcomes)
+        for (which, part), (distance, x), (outcome, y) in asked:
             rows = keep(part, np.isfinite(column(part, x)) & np.isfinite(column(part, y)))
             for form, n in forms.items():
-                choices = {"number of levels": form, "measure": distance, "outcome": outcome, "runs": which}
-                yield claim, choices, evidence.correlation(rows, x, y, (*given, *filter(None, [n])))
+                found = evidence.correlation(rows, x, y, (*given, *filter(None, [n])))
+                yield claim, form, distance, outcome, which, found
 
 
 def of_rule_sets(evidence: Evidence) -> Iterator[Specification]:
     """Those of rule-sets, with one rule set and without."""
     for which, part in by_number(ROWS["numbers of rule sets"](evidence), "rule_sets"):
         for one in tested(evidence, part, "rule-sets"):
-            choices = {
-                "number of levels": NOT_GIVEN,
-                "measure": "number of rule sets",
-                "outcome": "success",
-                "runs": which,
-            }
-            yield "rule-sets", choices, one.found
+            yield "rule-sets", NOT_GIVEN, "number of rule sets", "success", which, one.found
 
 
 def of_diversity(evidence: Evidence) -> Iterator[Specification]:
     """Those of 5b-diversity: success or return on test levels, with one training level and without."""
-    for (which, part), (outcome, y) in product(
-        by_number(evidence.main, "n"), {"success": SUCCESS, "return": ETA}.items()
-    ):
+    outcomes = {"success": SUCCESS, "return": ETA}
+    for (which, part), (outcome, y) in product(by_number(evidence.main, "n"), outcomes.items()):
         for one in tested(evidence, part, "5b-diversity", of=y):
             if one.settings == METRIC_OURS:
-                choices = {"number of levels": "factor", "measure": "R²", "outcome": outcome, "runs": which}
-                yield "5b-diversity", choices, one.found
+                yield "5b-diversity", "factor", "R²", outcome, which, one.found
 
 
 def by_number(runs: pd.DataFrame, of: str) -> list[tuple[str, pd.DataFrame]]:
@@ -102,8 +93,8 @@ def of_accuracies(evidence: Evidence) -> Iterator[Specification]:
         rows = select(probed, probe=probe)
         for form, n in FORMS.items():
             measure = f"{'accuracy of 2022' if probe == 'paper' else 'corrected accuracy'} on {levels} levels"
-            choices = {"number of levels": form, "measure": measure, "outcome": outcome, "runs": ALL_COUNTS}
-            yield "4b-none", choices, evidence.correlation(rows, f"accuracy_{levels}", y, ("panel", n))
+            found = evidence.correlation(rows, f"accuracy_{levels}", y, ("panel", n))
+            yield "4b-none", form, measure, outcome, ALL_COUNTS, found
 
 
 def prepared(evidence: Evidence, runs: pd.DataFrame) -> pd.DataFrame:
@@ -111,10 +102,8 @@ def prepared(evidence: Evidence, runs: pd.DataFrame) -> pd.DataFrame:
     training sets."""
     if runs.empty:
         return runs
-    results = evidence.results
-    return results.with_training_sets(
-        results.with_less_regret(runs.assign(inverse_root_n=1 / np.sqrt(column(runs, "n"))))
-    )
+    runs = runs.assign(inverse_root_n=1 / np.sqrt(column(runs, "n")))
+    return evidence.results.with_training_sets(evidence.results.with_less_regret(runs))
 
 
 def there(choices: Mapping[str, str], runs: pd.DataFrame) -> list[tuple[str, str]]:

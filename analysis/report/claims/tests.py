@@ -51,9 +51,7 @@ class StatedTest:
     by: Sequence[str] = ()
     less: Sequence[str] = ()
     blocks: Sequence[str] = BLOCK  # of R²: the columns whose values rows of a block share
-    where: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # only the runs with these values, or one of a list of values
+    where: Mapping[str, Any] = field(default_factory=dict)  # only the runs with one of these values
     several: str = ""  # a column that must have two values or more
     room: str = ""  # the share of levels that is asked for room, where the outcome of a correlation is none
     margin: float | str = ""  # a number, the name of a rule's margin, or what the rules have for such a test
@@ -67,16 +65,8 @@ def finding_of(evidence: Evidence, rows: pd.DataFrame, test: StatedTest, setting
     measure, found, usual = TESTS[test.test](evidence, rows, test)
     margin = MARGINS.get(test.margin, usual) if isinstance(test.margin, str) else test.margin
     beside = dummies(rows, test) if test.test == "correlation" else ""
-    return Finding(
-        settings,
-        test.words,
-        measure,
-        found,
-        margin,
-        SIGNS[test.expected],
-        lacks_room=no_room(rows, test, margin),
-        beside=beside,
-    )
+    sign, room = SIGNS[test.expected], no_room(rows, test, margin)
+    return Finding(settings, test.words, measure, found, margin, sign, lacks_room=room, beside=beside)
 
 
 def no_room(rows: pd.DataFrame, test: StatedTest, margin: float) -> str:
@@ -119,33 +109,28 @@ def correlation(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Fou
     return "partial Pearson r" if test.given else "Pearson r", found, MARGINS["correlation"]
 
 
-def difference(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
-    """The mean over pairs of runs."""
+def mean(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
+    """The mean over runs, or over pairs of runs."""
     if test.between:
         rows, of = differences(rows, test.of, test.between, test.same), "difference"
     else:
         rows, of = keep(rows, np.isfinite(column(rows, test.of))), test.of
-    return "mean difference", mean_of(evidence, rows, of), small_difference(rows, of)
-
-
-def mean(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
-    """The mean over runs."""
-    rows = keep(rows, np.isfinite(column(rows, test.of)))
-    return "mean", mean_of(evidence, rows, test.of), small_difference(rows, test.of)
+    measure = "mean difference" if test.test == "difference" else "mean"
+    return measure, evidence.mean(rows, of), small_difference(rows, of)
 
 
 def explained_by(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
     """R² on some columns less R² on others."""
-    one, other = (matrix(rows, names) for names in (test.by, test.less))
-    if one is None or other is None:
+    if not (test.by and test.less):
         raise ValueError(f"{test.words}: a test of R² takes by and less")
+    one, other = (matrix(rows, names) for names in (test.by, test.less))
     values = np.column_stack([column(rows, test.of), one, other])
     found = evidence.by_blocks(rows, values, difference_of_r2(one.shape[1]), tuple(test.blocks))
     return "difference of R²", found, MARGINS["explained"]
 
 
 TESTS: Mapping[str, Callable[[Evidence, pd.DataFrame, StatedTest], Found]] = {
-    "correlation": correlation, "difference": difference, "mean": mean, "explained": explained_by,
+    "correlation": correlation, "difference": mean, "mean": mean, "explained": explained_by,
 }  # fmt: skip
 
 
@@ -164,11 +149,6 @@ def differences(rows: pd.DataFrame, of: str, between: Mapping[str, Sequence[Any]
     pairs = values if isinstance(values[0], list | tuple) else [values]
     parts = [paired(restricted(rows, {by: a}), restricted(rows, {by: b}), of, same) for a, b in pairs]
     return pd.concat(parts, ignore_index=True)
-
-
-def mean_of(evidence: Evidence, rows: pd.DataFrame, of: str) -> Estimate:
-    """The mean of a column with the interval of blocks; of no rows, none."""
-    return evidence.mean(rows, of) if len(rows) else Estimate.missing(0, "no such runs")
 
 
 def small_difference(rows: pd.DataFrame, of: str) -> float:

@@ -75,10 +75,10 @@ def power_at_margin(found: Estimate, margin: float, correlation: bool) -> float:
     """
     if not is_known(found):
         return float("nan")
-    low, high, size = (float(v) for v in (to_normal([found.low, found.high, margin]) if correlation
-                                          else (found.low, found.high, margin)))  # fmt: skip
+    ends = [found.low, found.high, margin]
+    low, high, size = map(float, to_normal(ends) if correlation else ends)
     quantile = float(stats.norm.ppf(1 - ALPHA / 2))
     error = (high - low) / (2 * quantile)
-    return (
-        1.0 if error == 0 else float(stats.norm.sf(quantile - size / error) + stats.norm.cdf(-quantile - size / error))
-    )
+    if error == 0:
+        return 1.0
+    return float(stats.norm.sf(quantile - size / error) + stats.norm.cdf(-quantile - size / error))

@@ -23,17 +23,12 @@ SECOND = {"gap_success": "gap in success", "gap": "gap in returns", ETA: "return
 SEEN_SEEDS = [1, 2, 3, 4, 5, 6]  # of SAC, see rules.yaml
 
 
-def left_out(everything: pd.DataFrame, learned: pd.DataFrame) -> str:
-    """The runs that did not learn, by family: ``5 of Tiles of 2022``; "" where all did."""
-    which = Counter(everything["family"]) - Counter(learned["family"])
-    return ", ".join(f"{count} of {word_for(family)}" for family, count in which.items())
-
-
 def agents_that_learned(evidence: Evidence, runs: pd.DataFrame) -> str:
     """How many runs of the paper's own agent count; "" where all do."""
     everything = evidence.all_results.of(PAPER_AGENT)
-    lost = left_out(everything, runs)
-    return f"{len(runs)} of {len(everything)} runs learned their training levels (without {lost})." if lost else ""
+    lost = Counter(everything["family"]) - Counter(runs["family"])
+    said = ", ".join(f"{count} of {word_for(family)}" for family, count in lost.items())
+    return f"{len(runs)} of {len(everything)} runs learned their training levels (without {said})." if lost else ""
 
 
 def without_one_level(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
@@ -83,9 +78,8 @@ def success_at_both_ends(evidence: Evidence, runs: pd.DataFrame) -> str:
     """The success of agents on the fewest and on the most rule sets, on training levels and on unseen ones."""
     numbers = sorted({*runs["rule_sets"]})
     parts = [select(runs, rule_sets=number) for number in (numbers[0], numbers[-1])]
-    trained, unseen = (
-        [evidence.mean(part, name) for part in parts] for name in ("success_train_deterministic", SUCCESS)
-    )
+    trained = [evidence.mean(part, "success_train_deterministic") for part in parts]
+    unseen = [evidence.mean(part, SUCCESS) for part in parts]
     said = (
         f"From {numbers[0]:,.0f} to {numbers[-1]:,.0f} rule sets, mean success goes on training levels from "
         f"{' to '.join(map(share, trained))} and on unseen rule sets from {' to '.join(map(share, unseen))} "
@@ -118,6 +112,7 @@ def fall_over_all_runs(evidence: Evidence, runs: pd.DataFrame) -> str:
     return f"Over all runs, it falls: {estimate_text(one.found)}." if falls else ""
 
 
+AT_EACH_N = ("4b-factors", "matched-w2", "matched-coverage", "states-w2", "states-coverage")
 # Numbers that the sentences of a claim name in braces, from its evidence and rows.
 NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {"A-ks": slope_of_ks}
 # What is said after the sentence of a claim's verdict, with numbers from its evidence and rows.
@@ -126,10 +121,7 @@ BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
     "3a-cell": partial(without_one_level, claim="3a-cell"),
     "3a-agent": agents_that_learned,
     "4a-trend": partial(without_one_level, claim="4a-trend"),
-    **{
-        name: partial(at_each_n, claim=name)
-        for name in ("4b-factors", "matched-w2", "matched-coverage", "states-w2", "states-coverage")
-    },
+    **{name: partial(at_each_n, claim=name) for name in AT_EACH_N},
     "A-sac-easy": partial(seen_before, claim="A-sac-easy", difficulty="easy"),
     "A-sac-hard": partial(seen_before, claim="A-sac-hard", agent=SAC),
     "rule-sets": without_one_rule_set,
