@@ -31,8 +31,9 @@ HARDER = {"easy": "medium", "medium": "hard"}
 REQUIRED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "variation", "run", "frames", "w2_reference",
           "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic",
           "success_train_deterministic", "success_test_deterministic", "episodes_train_deterministic",
-          "episodes_test_deterministic")  # fmt: skip
+          "episodes_test_deterministic", "test_levels", "hours", "code")  # fmt: skip
 WHOSE = ("run", *BLOCK, "n", "algorithm")  # which no run may lack: means are over runs of one kind
+NAMED = ("run", "reason", "name", "experiment")  # of what is missing
 ETA, SUCCESS = "eta_test_deterministic", "success_test_deterministic"
 LESS_REGRET = "less_regret"
 TEST_COLUMNS = ("test_family", "test_difficulty", "test_variation", "test_observation", "test_changed", "test_groups")
@@ -66,8 +67,10 @@ class Results:
 
     def player(self, name: str, value: str) -> dict[str, float]:
         """The ``return`` or ``success`` of a player, by panel."""
-        rows = select(self.players, player=name) if len(self.players) else self.players
-        return dict(zip(rows["panel"], column(rows, value), strict=True)) if len(rows) else {}
+        if self.players.empty:
+            return {}
+        rows = select(self.players, player=name)
+        return dict(zip(rows["panel"], column(rows, value), strict=True))
 
     def with_less_regret(self, runs: pd.DataFrame) -> pd.DataFrame:
         """The runs with ``less_regret``, the return on test levels less that of the planner in their panel, which falls like a
@@ -181,20 +184,22 @@ def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
     columns, or a run does not say what it belongs to."""
     if not (folder / RUNS).exists():
         raise RunFolderError(
-            f"{folder} holds no {RUNS}. Name a folder of tables, such as docs/results/quick, or have them made: python "
-            "-m analysis.collect results=FOLDER"
+            f"{folder} holds no {RUNS}. Name a folder of tables, such as docs/results/quick, or have them made: segar "
+            "collect results=FOLDER"
         )
     runs = read_frame(folder / RUNS)
     if runs.empty:
         raise RunFolderError(f"{folder / RUNS} has no rows: no run is finished; run the same command again")
-    for name in required:
-        if name not in runs:
-            raise RunFolderError(f"{folder / RUNS} has no column '{name}'.{did_you_mean(name, map(str, runs.columns))}")
+    transfers, curves, probes, missing = (optional(folder / name) for name in (TRANSFERS, CURVES, PROBES, MISSING))
+    for file, table, names in ((RUNS, runs, required), (MISSING, missing, NAMED if len(missing) else ())):
+        for name in names:
+            if name not in table:
+                known = map(str, table.columns)
+                raise RunFolderError(f"{folder / file} has no column '{name}'.{did_you_mean(name, known)}")
     try:
         keys(runs, [name for name in WHOSE if name in runs])
     except SegarError as error:
         raise RunFolderError(f"{folder / RUNS}: {error}") from error
-    transfers, curves, probes, missing = (optional(folder / name) for name in (TRANSFERS, CURVES, PROBES, MISSING))
     studies: dict[str, dict[str, pd.DataFrame]] = {}
     for path in sorted((folder / STUDIES).glob("*/*.csv")):
         studies.setdefault(path.parent.name, {})[path.stem] = read_frame(path)

@@ -6,8 +6,7 @@ statistics, and the rules by which claims are decided, are those of the paper's 
 together: where agents share level sets, a level set and not an agent is the unit.
 """
 
-from segar.analysis.report.study.claims import TESTED, WORDS, claim_of, claim_or_reason
-from segar.analysis.report.study.reading import is_study, read_study
+from segar.analysis.report.study.reading import is_study
 from segar.analysis.report.study.subject import study
 
-__all__ = ["TESTED", "WORDS", "claim_of", "claim_or_reason", "is_study", "read_study", "study"]
+__all__ = ["is_study", "study"]

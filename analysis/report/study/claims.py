@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -41,13 +41,12 @@ def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
         raise ConfigError(f"claims.{name}: {error}") from error
     expected = f"Expected: {claim.expected}; effects below {plain(one.margin, 3)} do not matter."
     several = number_of_pairs(study.runs) > 1 and "w2_exact" in (claim.of, claim.against, *claim.given)
-    expected = " ".join(
-        filter(None, [expected, f"{OWN_UNITS} `w2` has one for all." if several else "", one.found.note])
-    )
+    unit = f"{OWN_UNITS} `w2` has one for all." if several else ""
     if not np.isfinite(one.found.estimate):
         needs = f"other runs ({one.found.note or 'nothing can be computed from these'})"
         return Claim(name, claim.says, one.test, needs=needs)
-    return Claim(name, claim.says, one.test, (one,), note=expected, runs=ALL_RUNS)  # a study has no gate
+    note = " ".join(filter(None, [expected, unit, one.found.note]))
+    return Claim(name, claim.says, one.test, (one,), note=note, runs=ALL_RUNS)  # a study has no gate
 
 
 def tested(study: Study, claim: ClaimConfig) -> Finding:
@@ -59,9 +58,7 @@ def tested(study: Study, claim: ClaimConfig) -> Finding:
         return Finding(TESTED, claim.test + there, "estimate", found, claim.margin or 0.0, sign, ALL_RUNS)
     test = stated(study, rows, claim)
     found = finding_of(study.evidence, rows, dataclasses.replace(test, words=test.words + there), TESTED)
-    if found is None:
-        raise ConfigError(f"where: no run has {dict(claim.where)}")
-    return dataclasses.replace(found, runs=ALL_RUNS)
+    return dataclasses.replace(cast(Finding, found), runs=ALL_RUNS)  # of a test that restricts no rows
 
 
 def stated(study: Study, rows: pd.DataFrame, claim: ClaimConfig) -> StatedTest:

@@ -1,6 +1,6 @@
 """The figures of a study."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from typing import Any
 
@@ -68,13 +68,10 @@ def by_number(study: Study, values: Sequence[str], label: str, caption: str) -> 
     for axes, panel in zip(grid, study.panels, strict=False):
         for agent, one in lines:
             part = select(table, panel=panel, agent=agent, figure=one)
-            at = column(part, "levels") * aside[agent, one]
-            look = filled if one == values[0] else hollow
+            at, y = column(part, "levels") * aside[agent, one], column(part, "estimate")
             name = line_name(study, agent, one, values) or None
-            bars = error_bars(part, "estimate")
-            axes.errorbar(
-                at, column(part, "estimate"), yerr=bars, color=colours[agent, one], label=name and entry(name), **look
-            )
+            look = (filled if one == values[0] else hollow) | {"color": colours[agent, one]}
+            axes.errorbar(at, y, yerr=error_bars(part, "estimate"), label=name and entry(name), **look)
         zero_line(axes)
         log_axis(axes, sorted(set(study.runs["n"])))
         axes.set(title=panel, xlabel="training levels")
@@ -145,6 +142,5 @@ def of_all_runs(rows: pd.DataFrame) -> pd.DataFrame:
     return keep(rows, there == runs)
 
 
-FIGURES: Mapping[str, Callable[[Study], Drawn]] = {
-    "gap_against_distance": gap_against_distance, "success": success, "gap": gap, "curves": curves,
-}  # fmt: skip
+DRAWN: Sequence[Callable[[Study], Drawn]] = (gap_against_distance, success, gap, curves)
+FIGURES = {draw.__name__: draw for draw in DRAWN}

@@ -21,7 +21,8 @@ from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import ConfigError, RunFolderError, add_module_path, flat, read_yaml
 from segar.support import content_of, misfit
 
-NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic")
+NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic", "test_levels",
+          "hours", "code")  # fmt: skip
 READ = {
     "claims?": ({str: {"test?": str}}, None),
     "module_path?": [str],
@@ -30,6 +31,7 @@ READ = {
 }
 ALL = "all agents"
 OWN_UNITS = "w2_exact has a unit for each pair of training and test distributions: compare it within a pair."
+ONE_UNIT = "Exact W2 is in one unit: standard deviations over all distributions of the study, transfers included."
 SUCCESS = ("success_train_deterministic", "success_test_deterministic")
 
 
@@ -58,9 +60,7 @@ class Study:
     def about_w2(self) -> str:
         """In what unit W2 is, as a sentence; empty where all runs are of one pair of training and test distributions."""
         if self.w2 == COMMON:
-            return (
-                "Exact W2 is in one unit: standard deviations over all distributions of the study, transfers included."
-            )
+            return ONE_UNIT
         return OWN_UNITS if number_of_pairs(self.runs) > 1 else ""
 
     @property

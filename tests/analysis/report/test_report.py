@@ -238,14 +238,11 @@ def test_the_settings_of_the_main_grid_are_those_that_its_tables_state(tmp_path,
     assert re.search(r"episodes on training levels\s+10\s+120\s", page)
 
 
-def test_runs_that_are_missing_are_said_at_the_top(tmp_path, undrawn):
+def test_what_is_missing_from_no_named_experiment_is_refused(tmp_path):
     folder = write_results(tmp_path, {"runs": few_runs()})
-    (folder / "figures").mkdir()
-    (folder / "missing.csv").write_text("run,reason\nempty-hard-n1,not begun\nempty-hard-n10,not finished\n")
-    (folder / "figures" / "of_an_earlier_report.png").touch()
-    make_report(ReportConfig(str(folder)))
-    assert "Of what was planned, 2 runs or tests are missing" in (folder / "report.html").read_text()
-    assert not (folder / "figures" / "of_an_earlier_report.png").exists()
+    (folder / "missing.csv").write_text("run,reason\nempty-hard-n1,not begun\n")
+    with pytest.raises(RunFolderError, match="has no column 'name'"):
+        make_report(ReportConfig(str(folder)))
 
 
 def test_much_that_is_missing_is_summed_up_by_experiments(tmp_path, undrawn):
@@ -255,7 +252,10 @@ def test_much_that_is_missing_is_summed_up_by_experiments(tmp_path, undrawn):
     ]
     lines += ["b,the imported tables lack transfer-x,memory,Memory", "c,not finished,memory,Memory"]
     (folder / "missing.csv").write_text("\n".join(["run,reason,name,experiment", *lines]))
+    (folder / "figures").mkdir()
+    (folder / "figures" / "of_an_earlier_report.png").touch()
     make_report(ReportConfig(str(folder)))
+    assert not (folder / "figures" / "of_an_earlier_report.png").exists()
     found = (folder / "findings.md").read_text()
     assert "| `figure_3a` | Grid | 7 | 0 | 0.7 |" in found  # a run took 0.1 hours
     assert "| `memory` | Memory | 1 | 1 | – |" in found

@@ -11,8 +11,9 @@ import yaml
 import segar
 from segar.analysis.collect import collect_tables
 from segar.analysis.report.make import report_results
-from segar.analysis.report.study import claim_of, read_study
+from segar.analysis.report.study.claims import claim_of
 from segar.analysis.report.study.figures import in_rounds, of_all_runs, success
+from segar.analysis.report.study.reading import read_study
 from segar.analysis.stats.estimate import Estimate
 from segar.experiments.commands.config_store import register_settings
 from segar.experiments.commands.hydra_app import compose_data, initialized
