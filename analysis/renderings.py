@@ -36,11 +36,8 @@ def run(output: Path = Path("renderings")) -> None:
 
 def tasks() -> list[Panel]:
     """Figure 2c: two tasks in solid colours."""
-    billiards = segar.family("billiards").sample(1, seed=0)
-    return [
-        ("PuttPutt", first_frame(course(), Pixels(RESOLUTION))),
-        ("Billiards", first_frame(billiards, Pixels(RESOLUTION))),
-    ]
+    levels = {"PuttPutt": course(), "Billiards": segar.family("billiards").sample(1, seed=0)}
+    return [(title, first_frame(one, Pixels(RESOLUTION))) for title, one in levels.items()]
 
 
 def features() -> list[Panel]:
@@ -49,14 +46,11 @@ def features() -> list[Panel]:
     return [(title, first_frame(course(), TexturedPixels(name, RESOLUTION))) for name, title in titles.items()]
 
 
-def variants(textures: str = "five", count: int = 3) -> list[Panel]:
-    """One state in the features of auto-encoders trained from different seeds (appendix)."""
-    models = TextureSet.load(textures)
-    seeds = models.origin["seeds"]
-    return [
-        (f"linear auto-encoder, seed {seeds[k]}", first_frame(course(), TexturedPixels(models[k], RESOLUTION)))
-        for k in range(count)
-    ]
+def variants() -> list[Panel]:
+    """One state in the features of three auto-encoders trained from different seeds (appendix)."""
+    models = TextureSet.load("five")
+    titles = [f"linear auto-encoder, seed {seed}" for seed in models.origin["seeds"][:3]]
+    return [(title, first_frame(course(), TexturedPixels(models[k], RESOLUTION))) for k, title in enumerate(titles)]
 
 
 def course() -> segar.Levels:

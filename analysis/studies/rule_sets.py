@@ -20,6 +20,7 @@ from segar.metrics import dynamics_w2
 
 DESIGNS = ("rule_sets_1", "rule_sets_10", "rule_sets_100", "rule_sets_1000", "rule_sets_10000",
            "rule_sets_10_near", "rule_sets_10_far")  # fmt: skip
+FAMILY, DIFFICULTY = "objectsx1", "medium"
 TRAIN_LEVELS = 300  # of which rule sets are compared
 TEST_LEVELS = 300  # of the runs at scale standard
 FIRST_SEED = 1  # of the runs
@@ -27,26 +28,22 @@ FIRST_SEED = 1  # of the runs
 
 def run(
     output: Path = Path("rule_sets"),
-    family: str = "objectsx1",
-    difficulty: str = "medium",
     count: int = 10_000,
     seeds: int = 10,
     designs: tuple[str, ...] = DESIGNS,
-    variation: str = "rule_space",
-    test_variation: str = "rule_space_unseen",
     levels: int = TEST_LEVELS,
 ) -> None:
     """Writes ``rule_sets.csv`` into the folder ``output``."""
     rows = []
     for seed, design in product(range(FIRST_SEED, FIRST_SEED + seeds), designs):
         config = LevelsConfig(
-            train=f"{family}-{difficulty}", count=count, seed=seed, design=design, variation=variation,
-            test_variation=test_variation, test_count=levels,
+            train=f"{FAMILY}-{DIFFICULTY}", count=count, seed=seed, design=design, variation="rule_space",
+            test_variation="rule_space_unseen", test_count=levels,
         )  # fmt: skip
         train, test = make_levels(config)
         found = dynamics_w2(train[:TRAIN_LEVELS], test, situations_of(test), rng=np.random.default_rng(seed))
         rows.append({
-            "family": family, "difficulty": difficulty, "n": count, "seed": seed, "design": design,
+            "family": FAMILY, "difficulty": DIFFICULTY, "n": count, "seed": seed, "design": design,
             "rule_sets": found.rule_sets[0], "dynamics_w2": found.value, "dynamics_se": found.error,
             "dynamics_floor": found.floor,
         })  # fmt: skip
