@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from segar.analysis.plotting import style
 from segar.analysis.plotting.figures import METADATA, error_bars, figure_of_panels, save_figure
-from segar.analysis.stats.estimate import Estimate, mean_of_replicates
+from segar.analysis.stats.estimate import mean_of_replicates
 from segar.analysis.tables import column, read_frame, select
 from segar.errors import SegarError
 from segar.experiments.commands.command_line import run_from_command_line
@@ -61,11 +61,7 @@ def profile_of_causes(causes: pd.DataFrame, mode: str = "deterministic") -> pd.D
         for name in FIGURES:
             columns = (name, f"{name}_low", f"{name}_high")
             values = column(part, name)
-            found = (
-                mean_of_replicates(values[np.isfinite(values)])
-                if np.isfinite(values).any()
-                else Estimate.missing(0, "")
-            )
+            found = mean_of_replicates(values[np.isfinite(values)])
             ends = part[list(columns)].iloc[0] if len(part) == 1 else (found.estimate, found.low, found.high)
             row |= dict(zip(columns, map(float, ends), strict=True))
         rows.append({**row, "runs": len(part)})

@@ -25,7 +25,7 @@ import pandas as pd
 from segar.analysis.collected_rows import OWN, curve_rows, level_rows, probe_rows, run_row, transfer_row
 from segar.analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
 from segar.analysis.runs import shared_levels, training_sets
-from segar.analysis.tables import column, read_frame, select, write_csv
+from segar.analysis.tables import column, keep, read_frame, select, write_csv
 from segar.errors import SegarError
 from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.reproduction.experiment_file import PLAN, STUDY
@@ -79,10 +79,9 @@ class Asked:
     """What the experiments of a plan ask of a run; each thing has the name of the first experiment that asks for it.
 
     Attributes:
-        first: for the run. experiments: their names. transfers: by their names. probes: empty where none asks for them.
+        experiments: those that ask for the run. transfers: by their names. probes: empty where none asks for them.
     """
 
-    first: str
     experiments: list[str] = dataclasses.field(default_factory=list)
     transfers: dict[str, str] = dataclasses.field(default_factory=dict)
     probes: str = ""
@@ -96,9 +95,8 @@ def collect(config: CollectConfig) -> Collected:
     if (folder / STUDY).exists():
         found = for_study(plan, found)
     write_tables(folder, plan, found)
-    print(
-        f"{folder / RUNS}: {counted(len(found.runs), 'run')}; {TRANSFERS}: {counted(len(found.transfers), 'transfer')}"
-    )
+    runs, moved = counted(len(found.runs), "run"), counted(len(found.transfers), "transfer")
+    print(f"{folder / RUNS}: {runs}; {TRANSFERS}: {moved}")
     if not found.probes.empty:
         print(f"{PROBES}: what the probes say of {counted(len(set(found.probes['run'])), 'run')}")
     print_missing(plan, found.missing, folder / MISSING)
@@ -149,18 +147,17 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
     runs, transfers, missing = [], [], []
     imported = {run["folder"] for one in plan["experiments"] for run in one["runs"] if run.get("imported")}
     tables = imported_rows(plan, imported)
-    transferred, asked = (
-        set(pairs(join(tables[name]), "run", key)) for name, key in (("transfers", "transfer"), ("probes", "run"))
-    )
+    transferred = set(pairs(join(tables["transfers"]), "run", "transfer"))
+    probed = {run for part in tables["probes"] for run in part["run"]}
     for name, one in sorted(runs_of(plan).items()):
         folder = root / name
         if name in imported:
             lacking = {what: by for what, by in one.transfers.items() if (name, what) not in transferred}
-            lacking |= {"probes": one.probes} if one.probes and (name, name) not in asked else {}
+            lacking |= {"probes": one.probes} if one.probes and name not in probed else {}
             missing += [(name, f"the imported tables lack {what}", by) for what, by in lacking.items()]
             continue
         if not is_finished(folder):
-            missing.append((name, "not finished" if folder.exists() else "not begun", one.first))
+            missing.append((name, "not finished" if folder.exists() else "not begun", one.experiments[0]))
             continue
         config, summary = read_config(folder), read_summary(folder)
         place = run_columns(config, name)
@@ -188,9 +185,8 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
             tables["levels"].append(level_rows(played, {**place, "test": row["test"]}))
     tables["runs"].append(pd.DataFrame(runs))
     tables["transfers"].append(pd.DataFrame(transfers))
-    joined = {name: with_level_seeds(join(parts)) for name, parts in tables.items()}
-    for name in ("runs", "transfers"):
-        joined[name] = sort_rows(joined[name])
+    order = {"runs": WHICH, "transfers": WHICH}
+    joined = {name: with_level_seeds(join(parts, order.get(name, ["run"]))) for name, parts in tables.items()}
     lacking = pd.DataFrame(missing, columns=["run", "reason", "name"])
     titles = {one["name"]: one["title"] for one in plan["experiments"]}
     return Collected(**joined, missing=lacking.assign(experiment=[titles.get(name) for name in lacking["name"]]))
@@ -217,18 +213,16 @@ def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:
     runs = runs.drop(columns="folder").assign(round_frames=[rounds.get(name, np.nan) for name in runs["run"]])
     found = dataclasses.replace(found, runs=runs, curves=join([found.curves, *counts]))
     try:
-        own = [own_levels(root / run) for run in runs["run"]]
-        moved = [transfer_levels(root / run, name) for run, name in pairs(found.transfers, "run", "transfer")]
-        tests = [*own, *(one for one in moved if one is not None)]
+        tests = [own_levels(root / run) for run in runs["run"]]
+        tests += [transfer_levels(root / run, name) for run, name in pairs(found.transfers, "run", "transfer")]
         if count_pairs(tests) == 1:
             return found
-        values = iter(in_one_unit(tests))
+        values = in_one_unit(tests)
     except SegarError as error:
         print(f"{COMMON} is left out: {error}")
         return found
-    runs = runs.assign(**{COMMON: [next(values) for _ in own]})
-    transfers = found.transfers.assign(**{COMMON: [np.nan if one is None else next(values) for one in moved]})
-    return dataclasses.replace(found, runs=runs, transfers=transfers)
+    transfers = found.transfers.assign(**{COMMON: values[len(runs) :]})
+    return dataclasses.replace(found, runs=runs.assign(**{COMMON: values[: len(runs)]}), transfers=transfers)
 
 
 def with_level_sets(runs: pd.DataFrame) -> pd.DataFrame:
@@ -282,10 +276,10 @@ def imported_rows(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd.
     return found
 
 
-def join(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """One table with the rows of all, sorted by run; empty where there are no rows."""
+def join(parts: Sequence[pd.DataFrame], by: Sequence[str] = ("run",)) -> pd.DataFrame:
+    """One table with the rows of all, sorted; empty where there are no rows."""
     there = [part for part in parts if len(part)]
-    return pd.concat(there).sort_values("run", kind="stable", ignore_index=True) if there else pd.DataFrame()
+    return pd.concat(there).sort_values(list(by), kind="stable", ignore_index=True) if there else pd.DataFrame()
 
 
 def with_level_seeds(table: pd.DataFrame) -> pd.DataFrame:
@@ -301,16 +295,11 @@ def runs_of(plan: Mapping[str, Any]) -> dict[str, Asked]:
     for experiment in plan["experiments"]:
         name = experiment["name"]
         for run in experiment["runs"]:
-            one = found.setdefault(run["folder"], Asked(name))
+            one = found.setdefault(run["folder"], Asked())
             one.experiments.append(name)
             one.transfers |= {asked: name for asked in run["transfers"] if asked not in one.transfers}
             one.probes = one.probes or (name if run.get("probes", False) else "")
     return found
-
-
-def sort_rows(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows, sorted by the columns that say what a run is."""
-    return table.sort_values(WHICH, ignore_index=True) if len(table) else table
 
 
 def write_tables(folder: Path, plan: Mapping[str, Any], found: Collected) -> None:
@@ -327,14 +316,10 @@ def write_tables(folder: Path, plan: Mapping[str, Any], found: Collected) -> Non
 def experiment_rows(experiment: Mapping[str, Any], found: Collected) -> pd.DataFrame:
     """The rows of an experiment: its runs, and those of their transfers that belong to it."""
     wanted = {run["folder"]: set(run["transfers"]) for run in experiment["runs"]}
-    parts: list[pd.DataFrame] = []
-    if not found.runs.empty:
-        rows = found.runs["run"].isin(list(wanted))
-        parts.append(found.runs.loc[rows].drop(columns=["experiments", "hours", "finished"]))
-    if not found.transfers.empty:
-        keep = [name in wanted.get(run, ()) for run, name in pairs(found.transfers, "run", "transfer")]
-        parts.append(found.transfers.loc[keep].drop(columns=["transfer"]))
-    parts = [part for part in parts if not part.empty]
+    runs = keep(found.runs, [run in wanted for run, _ in pairs(found.runs, "run", "run")])
+    asked = [name in wanted.get(run, ()) for run, name in pairs(found.transfers, "run", "transfer")]
+    parts = [part for part in (runs, keep(found.transfers, asked)) if len(part)]
+    parts = [part.drop(columns=["experiments", "hours", "finished", "transfer"], errors="ignore") for part in parts]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=WHICH)
 
 

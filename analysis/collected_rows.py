@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from segar.analysis.tables import read_frame
+from segar.analysis.tables import keep, pick, read_frame
 from segar.experiments.reproduction.grid import name_with_options, varied_columns
 from segar.experiments.runs.executed_code import combined
 from segar.experiments.runs.journal import read_journal
@@ -97,21 +97,16 @@ def transfer_row(
 
 def level_rows(episodes: pa.Table, place: Mapping[str, Any]) -> pd.DataFrame:
     """Means over the episodes on each level: ``return``, ``return_ref``, ``length``, ``success``, ``death``, ``episodes``."""
-    groups = episodes.to_pandas().groupby(["levels", "action_mode", "level"], sort=True, dropna=False)
+    table = episodes.to_pandas().assign(run=place["run"], test=place["test"])
+    groups = table.groupby(["run", "test", "levels", "action_mode", "level"], sort=True, dropna=False)
     means = cast(pd.DataFrame, groups[["return", "return_ref", "length", "success", "death"]].mean())
-    table = means.assign(episodes=groups.size()).reset_index()
-    for position, name in enumerate(("run", "test")):
-        table.insert(position, name, place[name])
-    return table
+    return means.assign(episodes=groups.size()).reset_index()
 
 
 def curve_rows(folder: Path, place: Mapping[str, Any], names: Sequence[str] = CURVES_OF) -> pd.DataFrame:
     """The figures over time that are drawn: ``run``, ``name``, ``frames``, ``value``."""
-    metrics = read_metrics(folder).to_pandas()
-    table = cast(pd.DataFrame, metrics.loc[metrics["name"].isin(names), ["name", "frames", "value"]])
-    table = table.reset_index(drop=True)
-    table.insert(0, "run", place["run"])
-    return table
+    metrics = read_metrics(folder).to_pandas().assign(run=place["run"])
+    return pick(keep(metrics, metrics["name"].isin(names)), ["run", "name", "frames", "value"])
 
 
 def probe_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:

@@ -50,13 +50,12 @@ def transfer_levels(folder: Path, name: str) -> LevelPair | None:
             is not trusted.
     """
     there = folder / EVALUATIONS / name
-    stated = read_json(there / SUMMARY, {"transfer": {"panel": str, "variation": str, "mixture?": (dict, None)}})[
-        "transfer"
-    ]
-    if stated.get("mixture"):
+    form = {"transfer": {"panel": str, "variation": str, "mixture?": (dict, None)}}
+    summary = read_json(there / SUMMARY, form)
+    if summary["transfer"].get("mixture"):
         return None
     own, trusted = own_levels(folder), own_packages(as_data(read_config(folder)))
-    asked = settings_of_file(there / SUMMARY, {"transfer": stated}, trusted)["transfer"]
+    asked = settings_of_file(there / SUMMARY, {"transfer": summary["transfer"]}, trusted)["transfer"]
     test = LevelsConfig(train=asked["panel"], test=asked["panel"], variation=asked["variation"])
     try:
         return LevelPair(own.train, there / LEVELS, (own.distributions[0], _named(test, "test")))
@@ -64,15 +63,15 @@ def transfer_levels(folder: Path, name: str) -> LevelPair | None:
         raise RunFolderError(f"{there / SUMMARY}: {error}") from error
 
 
-def in_one_unit(tests: Sequence[LevelPair]) -> Floats:
+def in_one_unit(tests: Sequence[LevelPair | None]) -> Floats:
     """Exact W2 between training and test levels of each test, float64 ``[test]``, in standard deviations of the factors over
-    the distributions of all tests, each of which counts once.
+    the distributions of all tests, each of which counts once; NaN for None.
 
     Raises:
         SegarError: a level file is not there or cannot be read.
     """
     files: dict[str, list[Path]] = {}
-    for one in tests:
+    for one in filter(None, tests):
         for name, path in zip(one.distributions, (one.train, one.test), strict=True):
             if not path.exists():
                 raise RunFolderError(f"there is no {path}")
@@ -82,12 +81,13 @@ def in_one_unit(tests: Sequence[LevelPair]) -> Floats:
     unit = spread(*map(Levels.load, chosen))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnseenDifferenceWarning)  # runs say it before they train
-        return np.array([w2(Levels.load(one.train), Levels.load(one.test), scale=unit) for one in tests], np.float64)
+        values = [w2(Levels.load(one.train), Levels.load(one.test), scale=unit) if one else np.nan for one in tests]
+    return np.array(values, np.float64)
 
 
-def count_pairs(tests: Sequence[LevelPair]) -> int:
+def count_pairs(tests: Sequence[LevelPair | None]) -> int:
     """How many pairs of training and test distributions there are."""
-    return len({one.distributions for one in tests})
+    return len({one.distributions for one in tests if one})
 
 
 def _named(levels: LevelsConfig, which: str) -> str:

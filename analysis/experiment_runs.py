@@ -43,14 +43,12 @@ def show_experiments(results: Path, plan: Mapping[str, Any], runs: pd.DataFrame)
     drawn = colours_of(runs)
     for run, parent in parents.items():
         mark = read_sync_state(root / run)
-        is_here = (
-            mark is not None and mark.run_id is not None and without_password(mark.store) == store_uri(tracking, root)
-        )
-        if mark is not None and is_here:
-            tags = {PARENT: parent, "figure": ", ".join(figures[run]), "experiments": shared.get(run, "")}
-            tags |= {COLOUR: drawn[run]} if run in drawn else {}
-            for name, value in tags.items():
-                calling(client.set_tag, mark.run_id, name, value)
+        if mark is None or mark.run_id is None or without_password(mark.store) != store_uri(tracking, root):
+            continue
+        tags = {PARENT: parent, "figure": ", ".join(figures[run]), "experiments": shared.get(run, "")}
+        tags |= {COLOUR: drawn[run]} if run in drawn else {}
+        for name, value in tags.items():
+            calling(client.set_tag, mark.run_id, name, value)
 
 
 def colours_of(runs: pd.DataFrame) -> dict[str, str]:
@@ -63,14 +61,9 @@ def colours_of(runs: pd.DataFrame) -> dict[str, str]:
 
 def parent_of(client: Any, mlflow_experiment: str, experiment: Mapping[str, Any], results: Path) -> str:
     """The id of the parent run of an experiment of these results; made if there is none."""
-    tags = {
-        "kind": "experiment",
-        "experiments": experiment["name"],
-        "figure": experiment["figure"],
-        "results": str(results),
-        "title": experiment["title"],
-    }
-    wanted = " and ".join(f"tags.{name} = '{tags[name]}'" for name in ("kind", "experiments", "results"))
+    tags = {"kind": "experiment", "experiments": experiment["name"], "results": str(results)}
+    wanted = " and ".join(f"tags.{name} = '{value}'" for name, value in tags.items())
+    tags |= {"figure": experiment["figure"], "title": experiment["title"]}
     found = calling(client.search_runs, [mlflow_experiment], wanted, max_results=1)
     if found:
         return found[0].info.run_id
@@ -98,5 +91,4 @@ def artifacts_of(results: Path, experiment: Mapping[str, Any]) -> list[Path]:
     """The table of an experiment and the files of its study, as far as they are there."""
     table = results / "tables" / f"{experiment['name']}.csv"
     study = results / "studies" / experiment["name"]
-    found = sorted(path for path in study.iterdir() if path.is_file()) if study.exists() else []
-    return [*([table] if table.exists() else []), *found]
+    return [path for path in (table, *sorted(study.glob("*"))) if path.is_file()]

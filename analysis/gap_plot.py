@@ -123,7 +123,8 @@ def gap_plot(
         lines.append(f"{of} = {_in_words(found)}")
         if count_of(shown, "group") > 1:
             lines.append(f"{of} given the groups = {_in_words(correlation(shown, x, y, 'group'))}")
-        in_cells = shown.assign(cell=_cells_of(shown))
+        by = settings_varied(shown) if "state" in shown else [name for name in CELL if name in shown]
+        in_cells = shown.assign(cell=names_of(shown, by))
         if count_of(shown, "group") < count_of(in_cells, "cell"):
             lines.append(f"{of} given all settings but seeds = {_in_words(correlation(in_cells, x, y, 'cell'))}")
         lines += [*about_level_sets(shown, by=()), *_warnings(shown), *about_unit]
@@ -183,12 +184,6 @@ def _warnings(runs: pd.DataFrame) -> list[str]:
     return [code_warning(rows), seen_warning(rows)]
 
 
-def _cells_of(runs: pd.DataFrame) -> list[str]:
-    """Which runs differ by their seeds alone: equal names for these."""
-    by = settings_varied(runs) if "state" in runs else [name for name in CELL if name in runs]
-    return list(names_of(runs, by))
-
-
 def _groups(runs: pd.DataFrame) -> list[str]:
     """The settings that colours can show, the preferred ones first: those that vary, and not too much."""
     varied = settings_varied(runs) if "state" in runs else [name for name in PREFERRED if name in runs]
@@ -200,9 +195,8 @@ def _runs(runs: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
     """A point per run: ``x``, ``y``, ``group``, and ``low`` and ``high`` of y where its standard error is known."""
     of_errors, at = y.replace("gap_", "gap_se_"), column(runs, y)
     error = column(runs, of_errors) if of_errors != y and of_errors in runs else np.nan
-    return pd.DataFrame(
-        {"x": column(runs, x), "y": at, "group": runs["group"], "low": at - NORMAL * error, "high": at + NORMAL * error}
-    )
+    low, high = at - NORMAL * error, at + NORMAL * error
+    return pd.DataFrame({"x": column(runs, x), "y": at, "group": runs["group"], "low": low, "high": high})
 
 
 def _cells(runs: pd.DataFrame, x: str, y: str) -> pd.DataFrame:

@@ -5,7 +5,7 @@ order, or some of them. Such level sets are not independent. A distribution of t
 all seeds, too. Named families draw each level independently.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from itertools import permutations
 from pathlib import Path
 
@@ -16,30 +16,21 @@ from segar.experiments.runs.run_folder import LEVELS_TRAIN
 from segar.experiments.settings import is_level_file
 
 
-def levels_trained_on(runs: pd.DataFrame, of_files: bool = False) -> list[frozenset[bytes]]:
-    """The fingerprints of the training levels of each run, from its level file.
+def levels_of(names: Iterable[int], runs: pd.DataFrame, of_files: bool = False) -> dict[int, frozenset[bytes]]:
+    """The fingerprints of the training levels of each level set, from the level files of the runs with its name.
 
     Empty where there is no such file, the table has no column ``folder``, or the levels are those of a named family.
 
     Args:
+        names: of the level sets, one for each run.
         of_files: only of runs whose levels were drawn from a file.
     """
-    name = next((one for one in ("levels.train", "family") if one in runs), None)
-    if "folder" not in runs or name is None:
-        return [frozenset()] * len(runs)
-    return [
-        prints_in(Path(folder) / LEVELS_TRAIN)
-        if (is_level_file(str(train)) if of_files else is_own(str(train)))
-        else frozenset()
-        for folder, train in zip(runs["folder"], runs[name], strict=True)
-    ]
-
-
-def united(names: Iterable[int], levels: Sequence[frozenset[bytes]]) -> dict[int, frozenset[bytes]]:
-    """All levels of each level set: those of the runs with its name."""
-    found: dict[int, frozenset[bytes]] = {}
-    for name, one in zip(names, levels, strict=True):
-        found[name] = found.get(name, frozenset()) | one
+    found, counts = dict.fromkeys(names, frozenset[bytes]()), is_level_file if of_files else is_own
+    trained = next((runs[one] for one in ("levels.train", "family") if one in runs), None)
+    if "folder" in runs and trained is not None:
+        for name, folder, train in zip(names, runs["folder"], map(str, trained), strict=True):
+            if counts(train):
+                found[name] |= prints_in(Path(folder) / LEVELS_TRAIN)
     return found
 
 

@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from segar.analysis.level_sets import first_of_equal, largest_share, levels_trained_on, united
+from segar.analysis.level_sets import first_of_equal, largest_share, levels_of
 from segar.analysis.stats.association import keys
 from segar.analysis.stats.estimate import ALIKE
 from segar.analysis.stats.resampling import mean_of_units
-from segar.analysis.tables import column, select, write_table
+from segar.analysis.tables import column, keep, select, write_table
 from segar.cli import table as text_table
 from segar.errors import SegarError, did_you_mean
 from segar.experiments.reproduction.experiment_file import FEWEST_BLOCKS
@@ -142,15 +142,8 @@ def summary_text(rows: Sequence[Mapping[str, Any]], path: Path | None = None) ->
 def numeric_figures(runs: pd.DataFrame) -> list[str]:
     """The columns of figures of a table of :func:`read_runs`: the numbers behind ``state`` that have a mean, which standard
     errors have not."""
-    names = [str(name) for name in runs.columns]
-    behind = names[names.index("state") + 1 :]
-    return [
-        name
-        for name in behind
-        if pd.api.types.is_numeric_dtype(runs[name])
-        and np.isfinite(column(runs, name)).any()
-        and not name.startswith("gap_se_")
-    ]
+    behind = runs.iloc[:, list(runs.columns).index("state") + 1 :].select_dtypes(["number", "bool"])
+    return [name for name in behind if np.isfinite(column(runs, name)).any() and not name.startswith("gap_se_")]
 
 
 def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterator[str]:
@@ -162,17 +155,15 @@ def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterat
     lacking = found[found["runs"] == 0] if len(found) else found
     for name in dict.fromkeys(lacking["figure"]):
         yield f"Some combinations have no {name}."
-    there = cast(pd.DataFrame, found[found["n"] > 0])
-    if any(unit == LEVEL_SETS and np.isfinite(low) for unit, low in zip(there["unit"], there["low"], strict=True)):
+    there = keep(found, found["n"] > 0)
+    over_sets, over_agents = (select(there, unit=unit) for unit in (LEVEL_SETS, AGENTS))
+    if np.isfinite(column(over_sets, "low")).any():
         yield "Intervals are of 95 %, over level sets: a level set counts once, with the mean of its runs."
-    few = sorted(
-        {int(n) for n, unit in zip(there["n"], there["unit"], strict=True) if unit == LEVEL_SETS and n < FEWEST_BLOCKS}
-    )
-    for n in few:
+    for n in sorted({int(n) for n in over_sets["n"] if n < FEWEST_BLOCKS}):
         yield f"{counted(n, 'level set')}: no interval. It takes {FEWEST_BLOCKS}; sweep levels.seed."
     if ALIKE in set(there["note"]):
         yield "Units with equal results have no interval: others need not have these results, too."
-    if any(unit == AGENTS and n > 1 for unit, n in zip(there["unit"], there["n"], strict=True)):
+    if np.any(column(over_agents, "n") > 1):
         seeds = ",".join(map(str, sorted({int(seed) for seed in done["seed"]})))
         cross = "" if SAME_LEVELS in about_sets else f" Cross the seeds: --multirun seed={seeds} levels.seed={seeds}"
         yield (
@@ -232,7 +223,7 @@ def training_sets(runs: pd.DataFrame) -> NDArray[Any]:
         SegarError: no column says it, or a level file cannot be read.
     """
     names, among = _named_sets(runs)
-    first = first_of_equal(united(names, levels_trained_on(runs)), among)
+    first = first_of_equal(levels_of(names, runs), among)
     return np.array([first[name] for name in names])
 
 
@@ -242,7 +233,7 @@ def shared_levels(runs: pd.DataFrame) -> float:
     Two sets with the same levels are one, see :func:`training_sets`. Raises :class:`SegarError` as that function.
     """
     names, among = _named_sets(runs)
-    return largest_share(united(names, levels_trained_on(runs, of_files=True)), among)
+    return largest_share(levels_of(names, runs, of_files=True), among)
 
 
 def _named_sets(runs: pd.DataFrame) -> tuple[NDArray[Any], dict[int, int]]:
