@@ -19,7 +19,7 @@ from .matched_sets import matched_set
 from .points import Spread as Spread, relevant_factors as relevant_factors, spread
 from .representative_sets import coverage, effective_number, sample_entropy
 from .unseen import unseen_differences
-from .visual import visual_distance, visual_w2
+from .visual import clustering_w2 as clustering_w2, visual_distance, visual_w2
 from .w2_parts import decompose, w2_debiased
 from .wasserstein import MISMATCH as MISMATCH, cost_matrix, w2, w2_report
 

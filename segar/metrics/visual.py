@@ -12,7 +12,17 @@ from segar.levels import checks
 from segar.metrics.level_vectors import median_distance
 from segar.noise import GaussianNoise
 from segar.support import emd
-from segar.textures import NOISE_CLIP, UNIFORM, Laws, TextureSet, is_noise, product_of_marginals, require_laws
+from segar.textures import (
+    NOISE_CLIP,
+    UNIFORM,
+    FilterClusters,
+    Laws,
+    TextureSet,
+    cluster_costs,
+    is_noise,
+    product_of_marginals,
+    require_laws,
+)
 
 SMALLEST_PATCH = 8  # [pixels] about the size of the smallest things in a picture of 64 pixels
 RANDOM_FILTERS = 64
@@ -86,6 +96,23 @@ def visual_w2(a: TextureSet | str, b: TextureSet | str, *, aligned: bool = False
     patterns_a, patterns_b = (_patterns(textures, names, period, laws) for textures in (a, b))
     costs = [[_model_cost(one, other, aligned) for other in patterns_b] for one in patterns_a]
     return float(np.sqrt(emd(np.array(costs))))
+
+
+def clustering_w2(a: FilterClusters, b: FilterClusters, *, aligned: bool = True) -> float:
+    """The distance of two clusterings of filters: root of the mean squared W2 distance of their clusters.
+
+    Args:
+        aligned: match clusters by assignment, so that their order does not matter; otherwise the first is compared with
+            the first and so on.
+
+    Raises:
+        SegarError: filters have different sizes, or there are not as many clusters.
+    """
+    if a.count != b.count:
+        raise SegarError(f"clusterings of {a.count} and {b.count} clusters cannot be compared")
+    costs = cluster_costs(a, b)
+    rows, columns = scipy.optimize.linear_sum_assignment(costs) if aligned else (np.arange(a.count),) * 2
+    return float(np.sqrt(costs[rows, columns].mean()))
 
 
 def visual_distance(

@@ -1,5 +1,9 @@
 from .filter_bank import FilterBank
-from .filter_clusters import filter_textures
+from .filter_clusters import (
+    FilterClusters as FilterClusters,
+    cluster_costs as cluster_costs,
+    filter_textures,
+)
 from .inputs import NOISE_CLIP as NOISE_CLIP, is_noise as is_noise, name_of_input as name_of_input
 from .layout_inputs import type_inputs as type_inputs
 from .standard import (

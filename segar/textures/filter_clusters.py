@@ -120,7 +120,14 @@ def cluster_costs(a: FilterClusters, b: FilterClusters) -> np.ndarray:
     """Squared Wasserstein-2 distances between the clusters of a and those of b, as sets of filters, ``[cluster, cluster]``.
 
     The squared distance of two filters is the mean over their pixels and channels, so that it is 2 for unlike ones.
+
+    Raises:
+        SegarError: filters have different sizes.
     """
+    if a.filters.shape[1:] != b.filters.shape[1:]:
+        raise SegarError(
+            f"filters of {a.filters.shape[1]} pixels cannot be compared with filters of {b.filters.shape[1]} pixels"
+        )
     per_pixel = a.filters[0].size
     points_a, points_b = (c.filters.reshape(len(c.filters), -1) for c in (a, b))
     between = scipy.spatial.distance.cdist(points_a, points_b, "sqeuclidean") / per_pixel

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import segar
-from segar.metrics import visual_distance, visual_w2
+from segar.metrics import clustering_w2, visual_distance, visual_w2
 from segar.metrics.visual import _frechet
-from segar.textures import TextureSet, product_of_marginals
+from segar.textures import FilterBank, TextureSet, product_of_marginals
+from segar.textures.filter_clusters import cluster_filters
 
 A, B = TextureSet.load("one"), TextureSet.load("five")[0]
 MEASURES = ("paired", "frechet", "mmd")
@@ -126,6 +127,20 @@ def test_an_embedding_of_ones_own_is_used():
 
     found = measured(A, B, embedding=brightness)
     assert found.embedding == "brightness" and 0 < found.paired.value < 255
+
+
+def test_clusterings_differ_by_their_clusters_and_not_by_the_order_of_these():
+    bank = FilterBank.built_in(np.random.default_rng(0))
+    one, other = (cluster_filters(bank, 8, np.random.default_rng(seed)) for seed in (0, 1))
+    mixed = one.reordered(np.random.default_rng(2).permutation(8))
+    assert clustering_w2(one, mixed) == pytest.approx(0.0, abs=1e-6)
+    assert clustering_w2(one, mixed, aligned=False) > 0.5
+    assert clustering_w2(one, other) == pytest.approx(clustering_w2(other, one))
+    with pytest.raises(segar.SegarError, match="clusterings of 8 and 6 clusters"):
+        clustering_w2(one, cluster_filters(bank, 6, np.random.default_rng(0)))
+    smaller = cluster_filters(FilterBank.built_in(np.random.default_rng(0), size=3), 8, np.random.default_rng(0))
+    with pytest.raises(segar.SegarError, match="filters of 5 pixels cannot be compared with filters of 3 pixels"):
+        clustering_w2(one, smaller)
 
 
 def test_what_cannot_be_measured_is_refused():
