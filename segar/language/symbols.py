@@ -6,8 +6,6 @@ generated code computes them once. Constants fold; nothing else is simplified (0
 
 from __future__ import annotations
 
-import math
-import struct
 import traceback
 import weakref
 from collections.abc import Callable, Iterator
@@ -18,7 +16,7 @@ from hashlib import sha256
 from typing import Any, ClassVar
 
 from segar.errors import RuleError
-from segar.language.values import Arithmetic, Number, Source, VectorValue, literal_power, python_function
+from segar.language.values import Number, ScalarArithmetic, Source, VectorValue, float_function
 
 LONGEST_TEXT = 10_000  # characters of an expression that are shown; a longer part is shown by its hash
 
@@ -73,7 +71,7 @@ def refusal(message: str) -> RuleError:
     return error
 
 
-class Symbol(Arithmetic, Traced, stands_for=(float, bool, int)):
+class Symbol(ScalarArithmetic, Traced, stands_for=(float, bool, int)):
     """A node: an operation and its operands. Made by :func:`make`, never directly."""
 
     __array_ufunc__ = None
@@ -126,41 +124,8 @@ class Symbol(Arithmetic, Traced, stands_for=(float, bool, int)):
             raise refusal("a symbolic condition was tested outside a rule")
         return decide(condition)
 
-    def __pow__(self, exponent: Any) -> Any:
-        power = literal_power(self, exponent)
-        return self._apply("pow", self, exponent) if power is None else power
-
-    def __rpow__(self, base: Any) -> Any:
-        return self._apply("pow", base, self)
-
     def __pos__(self) -> Symbol:
         return self
-
-    norm = Arithmetic.__abs__
-
-    def _call(self, function: str) -> Symbol:
-        return make(function, self)
-
-    sign = partialmethod(_call, "sign")
-    sqrt = partialmethod(_call, "sqrt")
-    exp = partialmethod(_call, "exp")
-    log = partialmethod(_call, "log")
-    sin = partialmethod(_call, "sin")
-    cos = partialmethod(_call, "cos")
-    tan = partialmethod(_call, "tan")
-    tanh = partialmethod(_call, "tanh")
-
-    def arctan2(self, other: Any) -> Any:
-        return self._apply("arctan2", self, other)
-
-    def __rarctan2__(self, other: Any) -> Any:
-        return self._apply("arctan2", other, self)
-
-    def hypot(self, other: Any) -> Any:
-        return self._apply("hypot", self, other)
-
-    def __rhypot__(self, other: Any) -> Any:
-        return self._apply("hypot", other, self)
 
     def select(self, yes: Any, no: Any) -> Symbol:
         condition = self if self.is_truth else self != 0.0
@@ -333,12 +298,9 @@ def evaluate(op: str, values: list[Any]) -> Any:
             return not values[0]
         case "select":
             return values[1] if values[0] else values[2]
-    first, *others = map(Number, values)
-    result = python_function(op)(first, *others)
+    result = float_function(op)(*map(float, values))
     return bool(result) if op in TRUTHS else float(result)
 
 
 def _constant_key(value: Any) -> Any:
-    if isinstance(value, float):
-        return ("float", struct.pack("<d", value)) if not math.isnan(value) else ("float", "nan")
-    return (type(value), value)
+    return ("float", value.hex()) if isinstance(value, float) else (type(value), value)

@@ -10,7 +10,7 @@ import math
 import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partialmethod
 from typing import Any
 
 from segar.errors import RuleError
@@ -67,7 +67,40 @@ class Arithmetic:
     abs = __abs__
 
 
-class Number(Arithmetic, float):
+class ScalarArithmetic(Arithmetic):
+    """What numbers and symbols have beside the operators: powers and elementary functions."""
+
+    __slots__ = ()
+    norm = Arithmetic.__abs__
+
+    def __pow__(self, exponent: Any, modulo: Any = None) -> Any:
+        power = literal_power(self, exponent)
+        return self._apply("pow", self, exponent) if power is None else power
+
+    def __rpow__(self, base: Any, modulo: Any = None) -> Any:
+        return self._apply("pow", base, self)
+
+    def _call(self, function: str, *others: Any) -> Any:
+        """The function of this and another operand, which is asked where this one cannot, as Python's operators do it."""
+        for operand in filter(lambda one: isinstance(one, ScalarArithmetic), (self, *others)):
+            result = operand._apply(function, self, *others)
+            if result is not NotImplemented:
+                return result
+        raise TypeError(f"{function} takes numbers, not {type(others[-1]).__name__}")
+
+    sign = partialmethod(_call, "sign")
+    sqrt = partialmethod(_call, "sqrt")
+    exp = partialmethod(_call, "exp")
+    log = partialmethod(_call, "log")
+    sin = partialmethod(_call, "sin")
+    cos = partialmethod(_call, "cos")
+    tan = partialmethod(_call, "tan")
+    tanh = partialmethod(_call, "tanh")
+    arctan2 = partialmethod(_call, "arctan2")
+    hypot = partialmethod(_call, "hypot")
+
+
+class Number(ScalarArithmetic, float):
     """A float that divides as IEEE 754 does (1/0 is inf, 0/0 is nan) and remembers the factor that it was read from."""
 
     source: Source | None = None
@@ -79,56 +112,12 @@ class Number(Arithmetic, float):
         return number
 
     def _apply(self, operation: str, *operands: Any) -> Any:
-        for operand in operands:
-            if not _is_number(operand):
-                return NotImplemented
-        function = _divide if operation == "div" else python_function(operation)
-        return Number(function(*map(float, operands)))
-
-    def __pow__(self, other: Any, modulo: Any = None) -> Any:
-        if not _is_number(other):
+        if not all(map(_is_number, operands)):
             return NotImplemented
-        power = literal_power(self, other)
-        return Number(mathematics.pow(float(self), float(other))) if power is None else power
-
-    def __rpow__(self, other: Any, modulo: Any = None) -> Any:
-        return Number(other) ** self if _is_number(other) else NotImplemented
+        return Number(float_function(operation)(*map(float, operands)))
 
     def __pos__(self) -> Number:
         return Number(float(self))
-
-    norm = Arithmetic.__abs__
-
-    def sign(self) -> Number:
-        """-1, 0 or 1 (nan stays nan)."""
-        return Number(math.nan if math.isnan(self) else (self > 0) - (self < 0))
-
-    def sqrt(self) -> Number:
-        return Number(math.sqrt(self) if self >= 0 else math.nan)
-
-    def exp(self) -> Number:
-        return Number(mathematics.exp(float(self)))
-
-    def log(self) -> Number:
-        return Number(mathematics.log(float(self)))
-
-    def sin(self) -> Number:
-        return Number(mathematics.sin(float(self)))
-
-    def cos(self) -> Number:
-        return Number(mathematics.cos(float(self)))
-
-    def tan(self) -> Number:
-        return Number(mathematics.tan(float(self)))
-
-    def tanh(self) -> Number:
-        return Number(mathematics.tanh(float(self)))
-
-    def arctan2(self, other: Any) -> Number:
-        return Number(mathematics.arctan2(float(self), float(other)))
-
-    def hypot(self, other: Any) -> Number:
-        return Number(mathematics.hypot(float(self), float(other)))
 
     def __repr__(self) -> str:
         return float.__repr__(self)
@@ -148,7 +137,8 @@ class VectorValue(Arithmetic):
         self.source = source
 
     def _apply(self, operation: str, *operands: Any) -> VectorValue:
-        function, vectors = python_function(operation), [_as_vector(operand) for operand in operands]
+        function = getattr(operator, "truediv" if operation == "div" else operation)
+        vectors = [_as_vector(operand) for operand in operands]
         return VectorValue(function(*(v.x for v in vectors)), function(*(v.y for v in vectors)))
 
     __radd__ = Arithmetic.__add__  # a number stands behind a vector in the source of a kernel
@@ -241,12 +231,12 @@ def tanh(x: Any) -> Any:
 
 def arctan2(y: Any, x: Any) -> Any:
     """Angle in radians of the point (x, y), in [-pi, pi]."""
-    return x.__rarctan2__(y) if hasattr(x, "__rarctan2__") else _as_scalar(y).arctan2(x)
+    return _as_scalar(y).arctan2(x)
 
 
 def hypot(x: Any, y: Any) -> Any:
     """Length of the vector (x, y), without overflow within."""
-    return y.__rhypot__(x) if hasattr(y, "__rhypot__") else _as_scalar(x).hypot(y)
+    return _as_scalar(x).hypot(y)
 
 
 def literal_power(x: Any, exponent: Any) -> Any:
@@ -293,10 +283,19 @@ def _is_number(value: Any) -> bool:
 
 
 @cache
-def python_function(operation: str) -> Callable[..., Any]:
-    """The function of an operation by its name: that of Python's operator, else the method of :class:`Number`."""
-    name = "truediv" if operation == "div" else operation
-    return getattr(operator, name) if hasattr(operator, name) else getattr(Number, name)
+def float_function(operation: str) -> Callable[..., Any]:
+    """The function of an operation on floats, which raises for none of them: the same bits on all machines."""
+    own = {name: getattr(mathematics, name) for name in mathematics.__all__}
+    own |= {"div": _divide, "sqrt": _sqrt, "sign": _sign}
+    return own[operation] if operation in own else getattr(operator, operation)
+
+
+def _sqrt(x: float) -> float:
+    return math.sqrt(x) if x >= 0 else math.nan
+
+
+def _sign(x: float) -> float:
+    return math.nan if math.isnan(x) else (x > 0) - (x < 0)
 
 
 def _divide(a: float, b: float) -> float:

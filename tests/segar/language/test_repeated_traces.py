@@ -134,6 +134,6 @@ def test_draws_of_our_own_and_generators_that_are_named_without_a_draw_are_allow
 
 def test_a_function_with_two_modules_that_name_each_other_is_traced():
     def reward(ball: segar.GolfBall) -> float:
-        return ball[segar.Mass] * (segar.language.symbols.math.pi if hasattr(segar, "language") else np.pi)
+        return ball[segar.Mass] * (segar.language.values.math.pi if hasattr(segar, "language") else np.pi)
 
     value_rule(reward, truth=False)
