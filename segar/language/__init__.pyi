@@ -138,6 +138,7 @@ from .tracing import (
     effects_of as effects_of,
     leaves_of as leaves_of,
     number_leaf as number_leaf,
+    parts_of as parts_of,
     symbols_of as symbols_of,
     trace as trace,
 )

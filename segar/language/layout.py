@@ -8,6 +8,7 @@ lacks a factor holds nan there.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 
@@ -64,11 +65,7 @@ class Layout:
     @cached_property
     def columns(self) -> dict[type[Factor], int]:
         """Factor -> its first column."""
-        columns, next_free = {}, 0
-        for factor in self.factors:
-            columns[factor] = next_free
-            next_free += factor.width
-        return columns
+        return dict(zip(self.factors, accumulate((f.width for f in self.factors), initial=0), strict=False))
 
     @cached_property
     def by_name(self) -> dict[str, tuple[type[Factor], int]]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import traceback
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,6 +83,16 @@ def symbols_of(tree: Tree) -> list[Symbol]:
     return list(seen)
 
 
+def parts_of(tree: Tree) -> Iterator[Any]:
+    """The symbols of a tree, and in which places they stand: alike, as objects, for trees that are equal."""
+    if isinstance(tree, Branch):
+        yield from (tree.condition, Branch, *parts_of(tree.yes), Leaf, *parts_of(tree.no))
+    else:
+        yield tree.value
+        for effect in tree.effects:
+            yield from (effect.kind, effect.argument, effect.factor, *effect.components)
+
+
 def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[Any], Leaf], where: str) -> Tree:
     """The decision tree of ``function(*arguments)``.
 
@@ -108,7 +118,8 @@ def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[
                 " compiles it and never again, so one draw would stay for all time. A rule draws with segar.random.uniform,"
                 " normal or bernoulli; a number that is drawn once belongs outside the function"
             )
-        if not _is_same(tree, _explore_all(function, arguments, finish, where)):
+        again = _explore_all(function, arguments, finish, where)
+        if [*map(id, parts_of(tree))] != [*map(id, parts_of(again))]:  # equal expressions are one object
             raise RuleError(
                 f"{where}: computes something else when it is called again. It may read a clock, count its calls or draw random"
                 " numbers. SEGAR calls the function when it compiles it and never again, so what it read would stay for all"
@@ -140,18 +151,6 @@ def _explore_all(function: Callable[..., Any], arguments: list[Any], finish: Cal
         return tree
 
     return explore([])
-
-
-def _is_same(one: Tree, other: Tree) -> bool:
-    """Whether two trees are equal; equal expressions are one object."""
-    if isinstance(one, Branch) and isinstance(other, Branch):
-        return one.condition is other.condition and _is_same(one.yes, other.yes) and _is_same(one.no, other.no)
-    return isinstance(one, Leaf) and isinstance(other, Leaf) and _parts(one) == _parts(other)
-
-
-def _parts(leaf: Leaf) -> list[Any]:
-    effects = [(e.kind, e.argument, e.factor, *map(id, e.components)) for e in leaf.effects]
-    return [id(leaf.value), *effects]
 
 
 def _run(

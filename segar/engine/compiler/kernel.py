@@ -11,7 +11,7 @@ import inspect
 import re
 import sys
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from types import ModuleType
@@ -111,18 +111,8 @@ class _Asked:
 
 def _meaning(rule: Rule) -> tuple[Any, ...]:
     """All of a rule that its source and its errors depend on. Equal symbols are one object while somebody holds one."""
-    symbols = tuple(id(part) for part in _parts(rule.tree))
+    symbols = tuple(map(id, language.parts_of(rule.tree)))
     return rule.where, rule.signature, symbols, rule.relation, rule.priority, rule.recheck, rule.active
-
-
-def _parts(tree: language.Tree) -> Iterator[Any]:
-    """The symbols of a tree, and in which places they stand."""
-    if isinstance(tree, language.Branch):
-        yield from (tree.condition, language.Branch, *_parts(tree.yes), language.Leaf, *_parts(tree.no))
-    else:
-        yield tree.value
-        for effect in tree.effects:
-            yield from (effect.kind, effect.argument, effect.factor, *effect.components)
 
 
 @lru_cache(maxsize=64)
