@@ -17,7 +17,6 @@ OPERATIONS = {"sqrt": "llvm.sqrt", "fabs": "llvm.fabs", "floor": "llvm.floor", "
               "rint": "llvm.rint", "copysign": "llvm.copysign"}  # fmt: skip
 # Operations of LLVM that become calls of the C library, or that round once where the source rounds twice.
 CALLS = re.compile(r"llvm\.(a?(sin|cos|tan)h?|atan2|exp|exp2|exp10|log|log2|log10|pow|powi|ldexp|frexp|fma|fmuladd)\.")
-PARAMETER = re.compile(r"(ptr|[if]\d+|double|float)\b.*%")
 
 
 def target_machine(triple: str, cpu: str, features: str, opt: int = 2, **options: Any) -> llvm.TargetMachine:
@@ -117,15 +116,7 @@ def exported(entry: Entry, symbol: str, ir: str, size: str) -> str:
 
 def argument_types(ir: str, symbol: str) -> list[str]:
     """LLVM's types of the arguments of a function in this IR."""
-    line = next(line for line in ir.splitlines() if line.startswith("define") and f"{symbol}(" in line.replace('"', ""))
-    inside = line[line.index(symbol) + len(symbol) :].lstrip('"')
-    arguments = inside[1 : inside.rindex(")")]
-    found = []
-    for argument in re.split(r", (?=ptr|[if]\d|double|float)", arguments):
-        match = PARAMETER.match(argument)
-        assert match is not None, f"an argument of an unknown type: {argument}"
-        found.append(match[1])
-    return found
+    return [str(one.type) for one in llvm.parse_assembly(ir).get_function(symbol).arguments]
 
 
 def optimise(module: llvm.ModuleRef, machine: llvm.TargetMachine, merges: bool) -> None:

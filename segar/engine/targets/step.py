@@ -8,7 +8,6 @@ from segar.engine.targets.entry import BY_ENTITY, BY_NUMBER, Argument, Entry
 from segar.language import Layout, Task, WorldRules
 
 STEP = "advance_range"
-_NUMBERS = {"sub_steps": "int64", "with_task": "bool"}
 
 
 def step_entry(world: WorldRules, layout: Layout, task: Task, order: str = BY_ENTITY) -> Entry:
@@ -30,7 +29,9 @@ def step_entry(world: WorldRules, layout: Layout, task: Task, order: str = BY_EN
     entities, width = len(layout.slots), layout.width
     batch = {f"state_{name}": array for name, array in vars(State.empty(0, layout)).items()}
     batch |= {f"result_{name}": array for name, array in vars(StepResult.empty(0)).items()}
-    shapes: dict[str, tuple[str, tuple[int | str, ...]]] = {
+    forms: dict[str, tuple[str, tuple[int | str, ...] | None]] = {
+        "sub_steps": ("int64", None),
+        "with_task": ("bool", None),
         "actions": ("float32", ("envs", len(task.action_low))),
         "errors": ("int64", ("envs", 5)),
         **{name: (array.dtype.name, ("envs", *array.shape[1:])) for name, array in batch.items()},
@@ -41,14 +42,13 @@ def step_entry(world: WorldRules, layout: Layout, task: Task, order: str = BY_EN
         "level_hull_radius": ("float64", ("levels", entities)),
         "level_parameters": ("float64", ("levels", len(layout.parameters))),
     }
-    arguments = [Argument(name, dtype) for name, dtype in _NUMBERS.items()]
-    arguments += [
-        Argument(name, *shapes[name], order if name == "state_values" else BY_ENTITY)
+    arguments = tuple(
+        Argument(name, *forms[name], order if name == "state_values" else BY_ENTITY)
         for name in RANGE_ARGUMENTS
-        if name in shapes
-    ]
+        if name in forms
+    )
     scratch = 8 * (2 * entities * (width + 1) + len(task.action_low) + source.list_length)
-    return Entry(STEP, source.text, tuple(arguments), scratch=scratch)
+    return Entry(STEP, source.text, arguments, scratch=scratch)
 
 
 def described_world(layout: Layout, task: Task) -> dict[str, Any]:
