@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from segar import language
 from segar.engine.compiler.emit import condition, match_test, over_group
 from segar.engine.compiler.source import Source
-from segar.engine.compiler.spec import Group
 
 
 def finite_test(source: Source, rules: Sequence[language.Rule]) -> str:
@@ -17,9 +16,10 @@ def finite_test(source: Source, rules: Sequence[language.Rule]) -> str:
     with source.function("is_finite(V, bits)", inline=True) as w:
         w.line("finite = True")
         for group in source.matcher.groups:
+            changed = {held for rule in rules for kind in group.types for held in changed_of_type(rule, kind)}
             columns: dict[int, list[int]] = defaultdict(list)
             for factor in source.layout.columns:
-                mask = source.matcher.declares(group, factor) if factor in _changed(source, group, rules) else None
+                mask = source.matcher.declares(group, factor) if factor in changed else None
                 if mask is not None:
                     first = source.layout.columns[factor]
                     columns[mask] += range(first, first + factor.width)
@@ -31,11 +31,6 @@ def finite_test(source: Source, rules: Sequence[language.Rule]) -> str:
                                 w.line(f"finite &= abs(V[i, {column}]) < np.inf")
         w.line("return finite")
     return w.text()
-
-
-def _changed(source: Source, group: Group, rules: Sequence[language.Rule]) -> set[type[language.Factor]]:
-    """The factors of a group's entities that the rules compute."""
-    return {held for rule in rules for kind in group.types for held in changed_of_type(rule, kind)}
 
 
 def changed_of_type(rule: language.Rule, kind: type[language.Entity]) -> Iterator[type[language.Factor]]:

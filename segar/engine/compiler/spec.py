@@ -127,17 +127,14 @@ def simplified_truth(matcher: Matcher, symbol: Symbol, groups: dict[str, Group])
     for part in walk(symbol):
         parts = [found[s] for s in part.args] if part.op in ("not", "and", "or") else []
         if part.op == "not":
-            (inner,) = parts
-            found[part] = make("const", not inner.args[0]) if inner.op == "const" else inner.negate()
+            found[part] = parts[0].negate()
         elif parts:
-            ends = part.op == "or"  # the truth that decides alone
-            open_ = [p for p in parts if p.op != "const"]
-            if any(p.op == "const" and p.args[0] is ends for p in parts):
-                found[part] = make("const", ends)
+            ends = make("const", part.op == "or")  # the truth that decides alone
+            left = [p for p in parts if p.op != "const"]
+            if any(p is ends for p in parts):
+                found[part] = ends
             else:
-                found[part] = (
-                    make("const", not ends) if not open_ else open_[0] if len(open_) == 1 else make(part.op, *open_)
-                )
+                found[part] = make(part.op, *left) if len(left) == 2 else left[0] if left else ends.negate()
         else:
             answer = static_relation(matcher, part, groups)
             found[part] = part if answer is None else make("const", answer)
