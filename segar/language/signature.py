@@ -186,12 +186,10 @@ def read_signature(function: Callable[..., Any], returns_effects: bool = True, r
 
 def symbolic_arguments(signature: Signature) -> list[Any]:
     """One symbolic value per argument, to trace the function with."""
-    return [build_argument(a, signature, _load, partial(make, "relation")) for a in signature.arguments]
+    return [build_argument(a, _load, partial(make, "relation")) for a in signature.arguments]
 
 
-def build_argument(
-    argument: Argument, signature: Signature, read: Callable[..., Any], relation: Callable[..., Any]
-) -> Any:
+def build_argument(argument: Argument, read: Callable[..., Any], relation: Callable[..., Any]) -> Any:
     """The value of one argument, given functions that read factors and evaluate relations (as symbols or as numbers)."""
     if argument.kind == "factor":
         return read(argument.entity, argument.factors[0])

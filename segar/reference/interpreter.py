@@ -237,7 +237,7 @@ class _Run:
         def relation(name: str, a: int, b: int) -> bool:
             return self.state.relation(name, slots[a], slots[b])
 
-        return [language.build_argument(a, signature, read, relation) for a in signature.arguments]
+        return [language.build_argument(a, read, relation) for a in signature.arguments]
 
     def _site(self, rule: language.Rule) -> int:
         """Place of a rule in the order that keys its draws: the world's rules, the limit, contacts, then the task's."""
