@@ -86,7 +86,8 @@ class ObjectFile:
     """An object as LLVM emits it.
 
     Attributes:
-        sections: bodies by kind. data: where each segment begins. functions: numbers of the defined functions, by name.
+        sections: bodies by kind. functions: numbers of the defined functions, by name.
+        segments: of data, where each begins, and its content.
         addresses: of each data symbol, by its number among all symbols; None for other symbols.
         relocations: kind, place, number of the symbol and addend, by the kind of the section in which they are.
     """
@@ -95,8 +96,7 @@ class ObjectFile:
     functions: dict[str, int] = field(default_factory=dict)
     addresses: list[int | None] = field(default_factory=list)
     relocations: dict[int, list[tuple[int, int, int, int]]] = field(default_factory=dict)
-    data: list[int] = field(default_factory=list)
-    data_end: int = 0
+    segments: list[tuple[int, bytes]] = field(default_factory=list)
 
 
 def link(obj: bytes, exports: list[str], stack: int) -> bytes:
@@ -107,7 +107,8 @@ def link(obj: bytes, exports: list[str], stack: int) -> bytes:
     """
     read = read_object(obj)
     begin = -(-stack // 16) * 16
-    top = -(-(begin + read.data_end) // 16) * 16
+    end = max((start + len(content) for start, content in read.segments), default=0)
+    top = -(-(begin + end) // 16) * 16
     code, data = (relocated(read, kind, begin) for kind in (CODE, DATA))
     parts = [b"\0asm\1\0\0\0", section(TYPE, read.sections[TYPE]), section(FUNCTION, read.sections[FUNCTION])]
     parts.append(section(MEMORY, leb(1) + b"\0" + leb(-(-top // PAGE))))
@@ -139,7 +140,7 @@ def read_object(obj: bytes) -> ObjectFile:
         else:
             read.sections[kind] = body
     check_imports(read)
-    read_segments(read)
+    read.segments = segments(read.sections.get(DATA, b"\0"))
     for name, inside in custom:
         if name == "linking":
             read_symbols(read, inside)
@@ -150,23 +151,16 @@ def read_object(obj: bytes) -> ObjectFile:
     return read
 
 
-def read_segments(read: ObjectFile) -> None:
-    """Where the segments of data begin and end."""
-    reader = Reader(read.sections.get(DATA, b"\0"))
+def segments(body: bytes) -> list[tuple[int, bytes]]:
+    """Where each segment in the section of data begins, and its content."""
+    reader, found = Reader(body), []
     for _ in range(reader.number()):
-        start, length = read_segment(reader)
-        reader.read(length)
-        read.data.append(start)
-        read.data_end = max(read.data_end, start + length)
-
-
-def read_segment(reader: Reader) -> tuple[int, int]:
-    """The begin and the length of a segment, whose bytes follow."""
-    if reader.number() != 0 or reader.byte() != 0x41:
-        raise SegarError("the linker knows only segments of data with a constant address")
-    start = reader.signed()
-    reader.byte()
-    return start, reader.number()
+        if reader.number() != 0 or reader.byte() != 0x41:
+            raise SegarError("the linker knows only segments of data with a constant address")
+        start = reader.signed()
+        reader.byte()
+        found.append((start, reader.read(reader.number())))
+    return found
 
 
 def read_symbols(read: ObjectFile, reader: Reader) -> None:
@@ -183,7 +177,7 @@ def read_symbols(read: ObjectFile, reader: Reader) -> None:
                 if not flags & UNDEFINED:
                     segment, offset = part.number(), part.number()
                     part.number()
-                    address = read.data[segment] + offset
+                    address = read.segments[segment][0] + offset
             else:
                 number = part.number()
                 if what != 3 and (not flags & UNDEFINED or flags & NAMED):  # 3: a section, which has no name
@@ -232,9 +226,5 @@ def relocated(read: ObjectFile, kind: int, begin: int) -> bytes:
 
 def shifted_segments(body: bytes, begin: int) -> bytes:
     """The section of data with its segments ``begin`` bytes on."""
-    reader, out = Reader(body), bytearray()
-    count = reader.number()
-    for _ in range(count):
-        start, length = read_segment(reader)
-        out += b"\0\x41" + signed_leb(start + begin) + b"\x0b" + leb(length) + reader.read(length)
-    return leb(count) + bytes(out)
+    moved = [b"\0\x41" + signed_leb(at + begin) + b"\x0b" + leb(len(part)) + part for at, part in segments(body)]
+    return leb(len(moved)) + b"".join(moved)
