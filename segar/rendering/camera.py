@@ -137,12 +137,9 @@ class PlainFrames:
         everywhere = np.arange(self._num_envs)
         self._pixels.begin(state.values, state.level, np.ones(self._num_envs, np.bool_))
         self._pixels.write(state.values, state.level, self._drawn, everywhere)
-        frames = []
-        for row in rows:
-            frame = np.zeros(self._view.shape, np.uint8)
-            frame[: self._view.size] = self._drawn[row][self._nearest[:, None], self._nearest]
-            frames.append(frame)
-        return frames
+        frames = np.zeros((len(rows), *self._view.shape), np.uint8)
+        frames[:, : self._view.size] = self._drawn[np.ix_(rows, self._nearest, self._nearest)]
+        return list(frames)
 
 
 def offered_modes() -> list[str]:
