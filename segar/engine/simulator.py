@@ -102,11 +102,9 @@ class Simulator:
         Raises:
             ConflictError, RuleError: see :meth:`act`.
         """
-        if (errors[:, 0] == CONFLICT).any():
-            self._raise_conflict(errors)
-        self._raise_not_finite(errors[:, 0], state, levels, result)
-
-    def _raise_not_finite(self, found: np.ndarray, state: State, levels: Levels, result: StepResult) -> None:
+        found = errors[:, 0]
+        if (found == CONFLICT).any():
+            raise self._conflict(int(np.flatnonzero(found == CONFLICT)[0]), errors)
         env, others = int(np.flatnonzero(found)[0]), np.count_nonzero(found) - 1
         level = int(state.level[env])
         if found[env] == STATE_NOT_FINITE:
@@ -115,12 +113,11 @@ class Simulator:
             said = reward_not_finite(env, level, result.reward[env], self.task.functions().reward)
         raise RuleError(said + (f". The same holds for {others} other environments" if others else ""))
 
-    def _raise_conflict(self, err: np.ndarray) -> None:
-        env = int(np.flatnonzero(err[:, 0] == CONFLICT)[0])
-        _, slot, column, first, second = err[env]
+    def _conflict(self, env: int, errors: np.ndarray) -> ConflictError:
+        _, slot, column, first, second = errors[env]
         factor = next(f for f, c in self.layout.columns.items() if c <= column < c + f.width)
         rules = self.source.rules
-        raise ConflictError(
+        return ConflictError(
             f"environment {env}: {rules[first].where} and {rules[second].where} set {factor.__name__} of"
             f" '{self.layout.slots[slot].name}' to different values, and neither is more specific; give one a priority"
         )
@@ -172,7 +169,7 @@ class _Call:
         self._ledger = self._kernel.module.make_ledger(-(-num_envs // PART))
         self._sheet = self._kernel.module.make_sheet()
         self._team = simulator.team if num_envs > PART else None
-        self._scratch = (entities, width, action_size)
+        self._scratch = {"W": (entities, width), "U": (entities, 2), "A": action_size}
         self.actions = np.zeros((num_envs, action_size), np.float32)
         self.errors = np.zeros((num_envs, 5), np.int64)
         n, with_task, places = options
@@ -187,14 +184,8 @@ class _Call:
 
     def _bind(self) -> tuple[Any, ...]:
         """All arguments but those of threads, with scratch of their own."""
-        entities, width, action_size = self._scratch
-        scratch = {
-            "W": np.zeros((entities, width)),
-            "U": np.zeros((entities, 2)),
-            "A": np.zeros(action_size),
-            "L": np.zeros(self._list_length, np.int64),
-        }
-        arguments = self._arguments | scratch
+        scratch = {name: np.zeros(shape) for name, shape in self._scratch.items()}
+        arguments = {**self._arguments, **scratch, "L": np.zeros(self._list_length, np.int64)}
         return tuple(arguments[name] for name in ARGUMENTS)
 
     def run(self, seen: np.ndarray | None) -> None:
