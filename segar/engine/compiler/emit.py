@@ -46,12 +46,11 @@ class Writer:
         """An indented block with its own scope; an empty body becomes ``pass``."""
         self.line(header)
         self.indent += 1
-        self._scopes.append({})
         start = len(self.lines)
-        yield
+        with self.scope():
+            yield
         if len(self.lines) == start:
             self.line("pass")
-        self._scopes.pop()
         self.indent -= 1
 
     @contextmanager

@@ -178,14 +178,14 @@ class _Builder:
         self.source = Source(self.layout)
         check_geometry(self.layout)
         numbers, world = len(self.task.action_low), self.world
-        exchanges = [r for r in (world.wall_contact, world.pair_contact) if r is not None]
         limit = [world.limit] if world.limit is not None else []
-        self.rules = [*world.rules, *limit, *exchanges, *world.on_contact, *self.task.act]
-        for rule in self.rules:
+        exchanges = [r for r in (world.wall_contact, world.pair_contact) if r is not None]
+        self.of_contacts = [*exchanges, *world.on_contact]
+        self.rules = [*world.rules, *limit, *self.of_contacts, *self.task.act]
+        for rule in (*self.rules, *self.task.of_state):
+            allows_action = rule in self.task.act or rule in self.task.reward
             allows_wall = rule is world.wall_contact or rule in world.on_contact
-            check_rule(rule, self.layout, numbers, allows_action=rule in self.task.act, allows_wall=allows_wall)
-        for rule in self.task.of_state:
-            check_rule(rule, self.layout, numbers, allows_action=rule in self.task.reward, allows_wall=False)
+            check_rule(rule, self.layout, numbers, allows_action, allows_wall)
         for rule in world.rules:
             if any(language.moves(rule, e.kind, e.factor) for e in language.effects_of(rule.tree)):
                 check_position_rule(rule)
@@ -323,9 +323,8 @@ ROOM = {_room(len(colliders))}
 
     def _contacts_move(self) -> bool:
         """Whether some rule of contact puts bodies elsewhere or changes their size."""
-        exchanges = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
         moving = (language.Position, language.Size)
-        return any(issubclass(f, moving) for r in [*exchanges, *self.world.on_contact] for f in r.changes)
+        return any(issubclass(factor, moving) for rule in self.of_contacts for factor in rule.changes)
 
     def _slots(self, needs: language.Pattern) -> tuple[list[int], int]:
         """Slots whose entities may match, and the mask to test, one for all of them."""

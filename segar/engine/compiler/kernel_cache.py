@@ -5,7 +5,6 @@ somebody else made ready are read where they are trusted; new ones are kept in t
 """
 
 import hashlib
-import importlib.util
 import sys
 import time
 from pathlib import Path
@@ -53,9 +52,8 @@ def load_module(text: str) -> ModuleType:
             say_where_kept(own)
             with replacing(path, "the kernel", advice=ADVICE) as beside:
                 beside.write_text(text, encoding="utf-8")
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
+    module = ModuleType(name)
+    module.__file__ = str(path)
     sys.modules[name] = module  # numba's cached code finds its globals by this name
     # Not by the loader, whose file of bytecode may be damaged; and numba's own cache asks for more than can be read.
     exec(compile(text.replace(", cache=True", ""), path, "exec", dont_inherit=True), vars(module))
