@@ -138,7 +138,7 @@ class PlainFrames:
         self._pixels.begin(state.values, state.level, np.ones(self._num_envs, np.bool_))
         self._pixels.write(state.values, state.level, self._drawn, everywhere)
         frames = np.zeros((len(rows), *self._view.shape), np.uint8)
-        frames[:, : self._view.size] = self._drawn[np.ix_(rows, self._nearest, self._nearest)]
+        frames[:, : self._view.size] = self._drawn[np.ix_(np.asarray(rows), self._nearest, self._nearest)]
         return list(frames)
 
 

@@ -97,13 +97,9 @@ class Writer:
 
 def constant(value: Any) -> str:
     """Source of a constant; infinities and nan by their numpy names."""
-    if isinstance(value, bool):
-        return repr(value)
-    if value != value:
-        return "np.nan"
-    if value in (float("inf"), float("-inf")):
-        return "np.inf" if value > 0 else "-np.inf"
-    return repr(float(value)) if value >= 0 and str(value)[0] != "-" else f"({float(value)!r})"
+    text = repr(value if isinstance(value, bool) else float(value))
+    named = {"nan": "np.nan", "inf": "np.inf", "-inf": "-np.inf"}
+    return named.get(text, f"({text})" if text.startswith("-") else text)
 
 
 def bind(symbol: Symbol, variables: tuple[str, ...], rule: int) -> Symbol:
