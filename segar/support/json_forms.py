@@ -156,15 +156,11 @@ def _misfit_of_mapping(value: Any, form: Mapping[Any, Any], at: str, only: bool)
 
 
 def _is(value: Any, kind: type) -> bool:
-    if kind is float:
-        return isinstance(value, (int, float)) and not isinstance(value, bool) and _is_finite(value)
-    if kind is int:
-        return isinstance(value, int) and not isinstance(value, bool) and abs(value) < LARGEST_INTEGER
-    return isinstance(value, kind)
-
-
-def _is_finite(value: int | float) -> bool:
-    return abs(value) < LARGEST_INTEGER if isinstance(value, int) else math.isfinite(value)
+    if kind not in (int, float):
+        return isinstance(value, kind)
+    if isinstance(value, int):
+        return not isinstance(value, bool) and abs(value) < LARGEST_INTEGER
+    return isinstance(value, kind) and math.isfinite(value)
 
 
 def _wrong(value: Any, form: Any, at: str) -> str:
