@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, overload
 
 from segar.errors import RuleError
@@ -142,7 +142,8 @@ def _make_rule(function: Callable[..., Any], relation: Any, priority: int | None
             f"{code_place(function)}: relation {condition.name} needs {len(condition.signature.entities)} entities,"
             f" the rule has {len(signature.entities)}"
         )
-    tree = trace(function, symbolic_arguments(signature), effects_leaf(signature.effects), code_place(function))
+    finish = partial(effects_leaf, signature.effects)
+    tree = trace(function, symbolic_arguments(signature), finish, code_place(function))
     if priority is None:
         of_types = (specificity_of(pattern.entity_type) for pattern in signature.entities)
         priority = max([condition.specificity if condition else 0, *of_types])

@@ -132,12 +132,10 @@ def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[
 
 
 def _explore_all(function: Callable[..., Any], arguments: list[Any], finish: Callable[[Any], Leaf], where: str) -> Tree:
-    paths = 0
+    paths = itertools.count(1)
 
     def explore(prefix: list[tuple[Symbol, bool]]) -> Tree:
-        nonlocal paths
-        paths += 1
-        if paths > MAX_PATHS:
+        if next(paths) > MAX_PATHS:
             raise RuleError(
                 f"{where}: more than {MAX_PATHS} paths through its conditions."
                 " Split the rule, or use segar.language.where(condition, a, b), which does not fork"
@@ -201,14 +199,10 @@ def _author_line(function: Callable[..., Any], calls: traceback.StackSummary) ->
     return f" (line {last.lineno}: `{last.line}`)" if last.line else f" (line {last.lineno})"
 
 
-def effects_leaf(declared: Collection[tuple[type[Effect], type]]) -> Callable[[Any], Leaf]:
-    """The function that makes a leaf of the effects that a rule returned; each must be declared as (kind, factor)."""
-
-    def finish(returned: Any) -> Leaf:
-        effects = returned if isinstance(returned, (tuple, list)) else (returned,)
-        return Leaf(effects=tuple(_effect_expression(e, declared) for e in effects if e is not None))
-
-    return finish
+def effects_leaf(declared: Collection[tuple[type[Effect], type]], returned: Any) -> Leaf:
+    """The leaf of the effects that a rule returned; each must be declared as (kind, factor)."""
+    effects = returned if isinstance(returned, (tuple, list)) else (returned,)
+    return Leaf(effects=tuple(_effect_expression(e, declared) for e in effects if e is not None))
 
 
 def _effect_expression(effect: Any, declared: Collection[tuple[type[Effect], type]]) -> EffectExpression:
