@@ -9,7 +9,10 @@ An entity type is a class whose annotations name its factors; a class inherits i
 # pyright: reportAssignmentType=false
 import inspect
 import sys
+from collections import ChainMap
 from collections.abc import Mapping, Sequence
+from itertools import islice
+from traceback import walk_stack
 from typing import Any, ClassVar
 
 from segar.errors import FactorError
@@ -21,13 +24,7 @@ from segar.language.shapes import Circle, Square
 def _resolve(hint: str, cls: type) -> Any:
     """Evaluate a string annotation in the class's module and in the frames that define the class."""
     scope = dict(vars(sys.modules[cls.__module__])) if cls.__module__ in sys.modules else {}
-    frame = sys._getframe(2)
-    local: dict[str, Any] = {}
-    for _ in range(8):
-        if frame is None:
-            break
-        local = {**frame.f_locals, **local}
-        frame = frame.f_back
+    local = ChainMap(*(frame.f_locals for frame, _ in islice(walk_stack(sys._getframe(2)), 8)))
     try:
         return eval(hint, scope, local)
     except NameError:

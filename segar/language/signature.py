@@ -12,6 +12,8 @@ import typing
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
+from traceback import walk_stack
 from types import NoneType, UnionType
 from typing import Annotated, Any, Self, TypeVar
 
@@ -331,11 +333,7 @@ def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
     if not any(isinstance(hint, str) for hint in raw.values()):
         return raw
     scope = dict(function.__globals__)
-    frame, frames = sys._getframe(1), []
-    while frame is not None and len(frames) < 12:
-        frames.append(frame)
-        frame = frame.f_back
-    for outer in reversed(frames):
+    for outer, _ in reversed([*islice(walk_stack(sys._getframe(1)), 12)]):
         if outer.f_globals is function.__globals__:
             scope.update(outer.f_locals)
     scope.update(inspect.getclosurevars(function).nonlocals)
