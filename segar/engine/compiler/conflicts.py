@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import combinations
 
 from segar import language
-from segar.engine.compiler.applications import Application, application_symbols
+from segar.engine.compiler.source import Application, application_symbols
 from segar.engine.compiler.spec import Group, Matcher
 from segar.errors import ConflictError
 

@@ -1,16 +1,17 @@
-"""What all parts of a kernel's source share: decorators, arguments, trees, how a symbol reads from the state, and rules that
-set one factor of one entity: the most specific one wins, equally specific ones must agree."""
+"""What all parts of a kernel's source share: decorators, arguments, rules with loop variables in place of their arguments,
+trees, how a symbol reads from the state, and rules that set one factor of one entity: the most specific one wins, equally
+specific ones must agree."""
 
 import hashlib
 import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 
-from segar.engine.compiler.emit import Writer, bind, both, match_test
+from segar.engine.compiler.emit import VARIABLES, Writer, bind, both, match_test
 from segar.engine.compiler.spec import Matcher, relation_mask, static_relation
-from segar.language import Floor, Layout, Leaf, Pattern, Symbol, Tree
+from segar.language import Branch, Floor, Layout, Leaf, Pattern, Rule, Symbol, Tree, symbols_of, walk
 
 # _nrt=False: the kernel allocates nothing, so array views need no reference counts, whose atomic operations would cost
 # as much as the physics of a small world.
@@ -89,6 +90,39 @@ class Source:
         is_floor = self.matcher.match(w.groups[a], Pattern((Floor,)))
         off_floor = f"not ({match_test(a, is_floor)})" if is_floor else ""
         return both(f"{top} == {b}", off_floor, f"within({shapes})" if what == "contains" else "")
+
+
+@dataclass(frozen=True)
+class Application:
+    """A rule with its number in the kernel, and the argument whose effects are gathered."""
+
+    rule: Rule
+    number: int
+    target: int
+
+    @property
+    def target_needs(self) -> Pattern:
+        return self.rule.needs[self.target]
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Loop variable of each argument: the target is ``i``, the others follow."""
+        others = iter(VARIABLES[1:])
+        return tuple("i" if a == self.target else next(others) for a in range(len(self.rule.needs)))
+
+
+def bind_tree(tree: Tree, a: Application) -> Tree:
+    """The tree with its arguments replaced by the application's loop variables."""
+    if isinstance(tree, Branch):
+        condition = bind(tree.condition, a.variables, a.number)
+        return Branch(condition, bind_tree(tree.yes, a), bind_tree(tree.no, a))
+    effects = (replace(e, components=tuple(bind(c, a.variables, a.number) for c in e.components)) for e in tree.effects)
+    return Leaf(tuple(effects))
+
+
+def application_symbols(a: Application) -> list[Symbol]:
+    """All symbols of a rule and its relation."""
+    return symbols_of(a.rule.tree) + (walk(a.rule.relation.truth) if a.rule.relation is not None else [])
 
 
 def write_tree(

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from segar.engine.compiler.applications import Application, bind_tree
 from segar.engine.compiler.emit import Writer, active_test, both, condition, match_test, over_group, share
+from segar.engine.compiler.source import Application, bind_tree
 from segar.engine.compiler.spec import Group
 from segar.language import Branch, Leaf, Symbol, Tree, walk
 

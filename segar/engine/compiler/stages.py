@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 from segar import language
-from segar.engine.compiler.applications import Application, application_symbols, bind_tree
 from segar.engine.compiler.conflicts import (
     MayMeet,
     check_certain_conflicts,
@@ -23,7 +22,7 @@ from segar.engine.compiler.conflicts import (
     read_across,
 )
 from segar.engine.compiler.emit import Writer, active_test, bind, both, condition, match_test, over_group, share
-from segar.engine.compiler.source import FactorSetting
+from segar.engine.compiler.source import Application, FactorSetting, application_symbols, bind_tree
 from segar.engine.compiler.sparse_pairs import SparsePairs, find_sparse_pairs, without, write_repeats
 from segar.engine.compiler.spec import Group, Matcher, relation_mask, simplified_truth
 from segar.language import EffectExpression, Factor, Leaf, Pattern, Rule, Stage, Symbol, Tree
