@@ -24,6 +24,7 @@ from segar.evaluation import checked_actions
 from segar.experiments.runs.executed_code import code_after, code_of
 from segar.experiments.settings import ConfigError, TrainingError, import_object, without_files
 from segar.language import Task
+from segar.observations import leaves, map_leaves
 from segar.suites import Suite, TrainingSide, hide_tests
 
 ROWS = 512  # of a batch, at most
@@ -82,8 +83,8 @@ class PolicyProcess:
 
     def __call__(self, observations: Any) -> np.ndarray:
         """Actions float32 ``(n, action size)``."""
-        n = len(next(iter(_arrays(observations))))
-        for place, given in zip(_arrays(self._observed), _arrays(observations), strict=True):
+        n = len(next(leaves(observations)))
+        for place, given in zip(leaves(self._observed), leaves(observations), strict=True):
             place[:n] = given
         self._ask("act", n)
         return self._acted[:n].copy()
@@ -147,7 +148,8 @@ def _serve(
                 episodes = Episodes(n, side.task, spaces[0], spaces[1])
                 begin_policy(policy, episodes)
             else:
-                acted[:n] = checked_actions(policy(_copied(observed, n)), cast(VectorEnv, episodes))
+                seen = map_leaves(lambda array, n=n: array[:n].copy(), observed)  # which the policy may keep
+                acted[:n] = checked_actions(policy(seen), cast(VectorEnv, episodes))
             tell(None, "")
     except EOFError:
         pass
@@ -173,18 +175,3 @@ def _arrays_of(spaces: Sequence[gymnasium.Space[Any]], memory: Sequence[Any]) ->
     """The observations and the actions that lie in shared memory."""
     observed, acted = (read_from_shared_memory(*one, ROWS) for one in zip(spaces, memory, strict=True))
     return observed, acted
-
-
-def _arrays(observations: Any) -> list[np.ndarray]:
-    """The arrays that observations are made of."""
-    if isinstance(observations, np.ndarray):
-        return [observations]
-    parts = observations.values() if isinstance(observations, Mapping) else observations
-    return [one for part in parts for one in _arrays(part)]
-
-
-def _copied(observed: Any, n: int) -> Any:
-    """The first observations, which the policy may keep."""
-    if isinstance(observed, Mapping):
-        return {name: _copied(part, n) for name, part in observed.items()}
-    return observed[:n].copy() if isinstance(observed, np.ndarray) else tuple(_copied(part, n) for part in observed)

@@ -3,7 +3,6 @@
 import argparse
 import difflib
 import json
-import math
 import os
 import shutil
 import sys
@@ -156,7 +155,8 @@ def print_answer(chosen: argparse.Namespace, answer: Mapping[str, Any], text: st
 
 def print_json(answer: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that JSON does not know become null."""
-    print(json.dumps(_finite(answer), indent=1, allow_nan=False))
+    finite = json.loads(json.dumps(answer), parse_constant=lambda name: None)  # which names NaN or an infinity
+    print(json.dumps(finite, indent=1))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
@@ -189,11 +189,3 @@ def _cell(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(map(_cell, value))
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _finite(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
