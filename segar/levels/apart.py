@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from segar.errors import LevelError
-from segar.language import Acceleration, Density, Drag, Factor, Order, Parameter
+from segar.language import Acceleration, Density, Drag, Factor, Layout, Order, Parameter
 from segar.levels.level_data import LevelData, LevelSource
 from segar.levels.moments import moments_of_distribution
 
@@ -24,7 +24,7 @@ def near_levels(levels: LevelData, others: LevelData, within: float, source: Lev
         within: 0 asks for equal numbers.
     """
     found = np.zeros(len(levels), np.bool_)
-    if not _is_comparable(levels, others):
+    if not are_comparable(levels.layout, others.layout):
         return found
     mine, theirs = (_by_kind(one) for one in (levels, others))
     rows, other_rows = (_numbers(one, source if within else None) for one in (levels, others))
@@ -41,10 +41,10 @@ def check_within(within: float) -> None:
         raise LevelError(f"within must be a finite number of standard deviations, at least 0, not {within!r}")
 
 
-def _is_comparable(a: LevelData, b: LevelData) -> bool:
+def are_comparable(a: Layout, b: Layout) -> bool:
     """Whether columns and slots of both mean the same."""
-    same_columns = a.layout.columns == b.layout.columns and a.layout.parameters == b.layout.parameters
-    return same_columns and a.layout.types == b.layout.types and len(a.layout.slots) == len(b.layout.slots)
+    same_columns = a.columns == b.columns and a.parameters == b.parameters
+    return same_columns and a.types == b.types and len(a.slots) == len(b.slots)
 
 
 def _by_kind(levels: LevelData) -> dict[bytes, list[int]]:

@@ -158,8 +158,9 @@ class Levels(LevelData, ShownInNotebooks):
         """Equal to the bit: layout, all arrays and provenance; not the distribution and world objects."""
         if not isinstance(other, Levels):
             return NotImplemented
-        arrays = all(_same_bits(getattr(self, field), getattr(other, field)) for field in LEVEL_ARRAYS)
-        return arrays and self.layout == other.layout and self.provenance == other.provenance
+        pairs = ((getattr(self, field), getattr(other, field)) for field in LEVEL_ARRAYS)
+        same = all(a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in pairs)
+        return same and self.layout == other.layout and self.provenance == other.provenance
 
     def __repr__(self) -> str:
         p = self.provenance
@@ -168,10 +169,6 @@ class Levels(LevelData, ShownInNotebooks):
         )
         drawn = f", seed {p.seed}, split '{p.split}'" if p.distribution else ""
         return f"<{counted(len(self), 'level')} {origin}{drawn}>"
-
-
-def _same_bits(a: np.ndarray, b: np.ndarray) -> bool:
-    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
 def levels_from_data(data: Any, path: Path, inside: str, world: World | None) -> Levels:

@@ -44,7 +44,7 @@ def log_probability(plan: SamplingPlan, levels: LevelData) -> LogProbability:
     """The log probabilities of levels that have the plan's layout; -inf where a level cannot be drawn."""
     n = len(levels.types)
     found = LogProbability(
-        np.zeros(n), np.zeros(n), np.full((n, len(plan.layout.slots)), -1), tuple(position_distributions(plan))
+        np.zeros(n), np.zeros(n), np.full((n, len(plan.layout.slots)), -1), position_distributions(plan)
     )
     found.simple[:] += _composition(plan, levels) + _parameters(plan, levels)
     ranked = np.zeros(levels.types.shape, dtype=bool)
@@ -65,20 +65,16 @@ def log_probability(plan: SamplingPlan, levels: LevelData) -> LogProbability:
     return found
 
 
-def position_distributions(plan: SamplingPlan) -> dict[Noise, int]:
-    """All distributions that some thing's position can have, numbered."""
-    noises: dict[Noise, int] = {}
-    for place in plan.fixed_positions.values():
-        noises.setdefault(Deterministic(place), len(noises))
-    for draw in plan.draws:
-        if issubclass(draw.factor, Position):
-            for prior in draw.priors:
-                noises.setdefault(as_noise(prior.value), len(noises))
+def position_distributions(plan: SamplingPlan) -> tuple[Noise, ...]:
+    """All distributions that some thing's position can have, each once."""
+    found: list[Noise] = [*map(Deterministic, plan.fixed_positions.values())]
+    found += [
+        as_noise(prior.value) for draw in plan.draws if issubclass(draw.factor, Position) for prior in draw.priors
+    ]
     if Position in plan.layout.columns:
-        for place in plan.templates[:, plan.layout.columns_of(Position)].tolist():
-            if not math.isnan(place[0]):
-                noises.setdefault(Deterministic(place), len(noises))
-    return noises
+        constants = plan.templates[:, plan.layout.columns_of(Position)].tolist()
+        found += [Deterministic(place) for place in constants if not math.isnan(place[0])]
+    return tuple(dict.fromkeys(found))
 
 
 def is_conditioned(plan: SamplingPlan) -> bool:

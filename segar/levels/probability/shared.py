@@ -16,7 +16,7 @@ import numpy as np
 
 from segar.errors import PriorError
 from segar.language import CIRCLE, HULL, BaseShape, Factor, Position, Size, Tile
-from segar.levels.apart import WITHOUT_EFFECT
+from segar.levels.apart import WITHOUT_EFFECT, are_comparable
 from segar.levels.priors import factors_read
 from segar.levels.probability.entropy import acceptance_of
 from segar.levels.sampling.placement import ARENA_HIGH, ARENA_LOW, WALL_MARGIN
@@ -54,10 +54,7 @@ def shared_probability(plan: SamplingPlan, other: SamplingPlan, n: int) -> Estim
     Raises:
         PriorError: a factor with atoms depends on other factors, or there are too many kinds of levels.
     """
-    mine, theirs = plan.layout, other.layout
-    if mine.columns != theirs.columns or mine.parameters != theirs.parameters or mine.types != theirs.types:
-        return Estimate(0.0)
-    if len(mine.slots) != len(theirs.slots):
+    if not are_comparable(plan.layout, other.layout):
         return Estimate(0.0)
     states: States = {(1.0, 1.0, (), (), ()): 1}
     for mine, theirs in zip(plan.groups, other.groups, strict=True):

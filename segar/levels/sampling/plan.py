@@ -166,7 +166,8 @@ def _template(layout: Layout, entity: type[Entity], priors: Sequence[Prior]) -> 
         if factor not in entity.declared:
             continue
         value = defaults[factor]
-        setting = _unconditional(ranked(priors, entity, factor))
+        candidates = ranked(priors, entity, factor)
+        setting = candidates[-1] if candidates and not factors_read(candidates[-1]) else None
         if setting is not None and not setting.is_random:
             value = setting.value
         elif setting is None and factor is Size and isinstance(shape := _shape(entity, priors), BaseShape):
@@ -267,10 +268,6 @@ def _shape(entity: type[Entity], priors: Sequence[Prior]) -> BaseShape | Choice 
     if conditional is not None:
         raise PriorError(f"{conditional}: the relation of a prior on Shape may read only Label and ID")
     return candidates[0].value if candidates else entity.declared[Shape]
-
-
-def _unconditional(candidates: Sequence[Prior]) -> Prior | None:
-    return candidates[-1] if candidates and not factors_read(candidates[-1]) else None
 
 
 def _check_constant_places(plan: SamplingPlan) -> None:
