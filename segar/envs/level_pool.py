@@ -10,7 +10,7 @@ import numpy as np
 from segar.envs.checks import instance, shown
 from segar.errors import LevelError
 from segar.language import FloorFriction
-from segar.levels import LEVEL_ARRAYS, Levels, Provenance, check_levels
+from segar.levels import LEVEL_ARRAYS, Levels, Provenance, check_levels, with_room
 from segar.support import __version__
 
 REPLACED = -1  # what ``info`` says of the level of an episode that goes on although its level was replaced
@@ -130,8 +130,6 @@ class LevelPool:
         places = self._places(indices, len(levels))
         self._require_alike(levels)
         check_levels(levels, "replace_levels: ")
-        room = max(self.levels.vertices.shape[2], levels.vertices.shape[2])
-        before, after = (_arrays(one, room) for one in (self.levels, levels))
         retired = np.zeros(0, np.bool_) if playing is None else (playing >= self.count) | np.isin(playing, places)
         named = None if playing is None else self.named(playing)
         bases = None if named is None else np.where(np.isin(named, places), REPLACED, named)
@@ -139,13 +137,13 @@ class LevelPool:
         if playing is not None and retired.any():
             rows = np.concatenate([rows, playing])
             playing = np.where(retired, self.count + np.arange(len(playing)), playing)
-        arrays = {name: array[rows] for name, array in before.items()}
-        for name, array in after.items():
-            arrays[name][places] = array
-        indices_in_split = arrays.pop("indices")
+        mixed, given = with_room(self.levels, levels)[rows].writable(), with_room(levels, self.levels)
+        for name in LEVEL_ARRAYS:
+            getattr(mixed, name)[places] = getattr(given, name)
+        indices_in_split = mixed.provenance.indices
+        indices_in_split[places] = levels.provenance.indices
         origin = _origin(self.levels.provenance, levels.provenance, indices_in_split)
-        pool = replace(self, levels=replace(self.levels, **arrays, provenance=origin), bases=bases)
-        return pool, playing
+        return replace(self, levels=Levels(**{**vars(mixed), "provenance": origin}), bases=bases), playing
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All that :meth:`with_arrays` needs to make this pool again, as arrays by name."""
@@ -199,14 +197,6 @@ class LevelPool:
                 f"replace_levels: the given levels are for the task {levels.task}, and those of these environments for"
                 f" {self.levels.task}; make other environments"
             )
-
-
-def _arrays(levels: Levels, room: int) -> dict[str, np.ndarray]:
-    """The arrays of levels by name, with room for so many vertices."""
-    arrays = {name: getattr(levels, name) for name in LEVEL_ARRAYS}
-    more = room - levels.vertices.shape[2]
-    arrays["vertices"] = np.pad(levels.vertices, ((0, 0), (0, 0), (0, more), (0, 0)))
-    return arrays | {"indices": levels.provenance.indices}
 
 
 def _origin(ours: Provenance, others: Provenance, indices: np.ndarray) -> Provenance:

@@ -181,11 +181,6 @@ class LevelDistribution(ShownInNotebooks):
                 " sample fewer"
             )
 
-    @property
-    def most_things(self) -> int:
-        """The largest number of entities that a level can have, without the floor."""
-        return sum(counts(many)[1] for _, many in self.numbers)
-
     @cached_property
     def layout(self) -> Layout:
         """The slots: those of ``numbers`` in order, then the arena's floor; counts that vary make optional slots."""

@@ -114,7 +114,7 @@ class Studio:
         if not 1 <= number <= MOST_LEVELS:
             raise LevelError(f"a set of a page has 1 to {MOST_LEVELS:,} levels, not {number}")
         distribution = read_distribution(question["text"], origin)
-        things = number * distribution.most_things
+        things = number * (len(distribution.layout.slots) - 1)  # without the floor
         if things > MOST_THINGS:
             raise LevelError(
                 f"draw: {number:,} levels of this distribution can have {things:,} things, and the studio draws at most"
