@@ -78,7 +78,7 @@ def train(overrides: Sequence[str], iterations: int) -> dict[str, list[float]]:
     """Trains a little; per iteration: frames per second, the same per core-second, the environments' share in %."""
     from segar.experiments.commands import process_defaults as runtime
     from segar.experiments.commands.hydra_app import compose
-    from segar.experiments.levels.builders import environment_options, make_levels
+    from segar.experiments.levels.builders import Prepared, make_levels
     from segar.experiments.settings import import_object
     from segar.experiments.training.training_loop import History
 
@@ -87,7 +87,7 @@ def train(overrides: Sequence[str], iterations: int) -> dict[str, list[float]]:
     kind = import_object(config.algorithm.learner, "algorithm")
     levels, _ = make_levels(config.levels)
     num_envs = config.algorithm.num_envs
-    env = kind.make_env(levels, num_envs, seed=config.seed, **environment_options(config, num_envs))
+    env = kind.make_env(levels, num_envs, seed=config.seed, **Prepared(config).env_options(num_envs))
     learner = kind(config.algorithm, env, 10**6, config.seed)
     in_environments = 0.0
     step = env.step

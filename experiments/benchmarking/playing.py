@@ -12,7 +12,7 @@ from segar.evaluation import Idle, PlayedEpisodes, Random, RecordedActions, Scri
 from segar.experiments.benchmarking.level_sets import LevelSet, number_of_levels, sets_of
 from segar.experiments.benchmarking.protocol import CONTROL, ONNX, SIDES, TWIN
 from segar.experiments.benchmarking.row import EPISODES, Method, Piece
-from segar.experiments.levels.builders import environment_options
+from segar.experiments.levels.builders import Prepared
 from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
 from segar.levels import Levels, hash_of_levels
 from segar.policies import Network, NetworkPolicy, OnnxPolicy
@@ -26,7 +26,7 @@ def options_of(suite: Suite, method: Method, train: Levels, side: str) -> dict[s
     """Options of the environments in which a network plays levels of a side: it observes them as it did in training."""
     seen = construct(ObservationConfig, method.settings.get("observation", {}), "observation")
     run = RunConfig(levels=LevelsConfig(train=suite.name), observation=seen)
-    return environment_options(run, train=train, which=side)
+    return Prepared(run).env_options(train=train, which=side)
 
 
 def policy_in(file: Path) -> tuple[Policy, bool]:

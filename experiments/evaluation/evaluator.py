@@ -24,11 +24,9 @@ from segar.experiments.evaluation.episodes import Agent, action_rng, as_policy, 
 from segar.experiments.evaluation.transfers import LEVELS, OWN
 from segar.experiments.levels.builders import (
     Prepared,
-    environment_options,
     find_distribution,
     in_own_world,
     levels_in,
-    task_name,
 )
 from segar.experiments.levels.suite_levels import levels_of_suite
 from segar.experiments.runs.executed_code import changed_parts, code_after, differing_parts, executed_code, played_code
@@ -157,7 +155,7 @@ def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:
     if config.levels in OWN or is_level_file(config.levels):
         return trained
     name = without_files(config.levels, "levels")
-    task = dataclasses.replace(trained.task, name=task_name(trained))
+    task = dataclasses.replace(trained.task, name=Prepared(trained).task_name)
     return dataclasses.replace(trained, levels=LevelsConfig(train=name, test=name), task=task)
 
 
@@ -238,9 +236,7 @@ def as_played(run: str | Path, levels: str = "test") -> dict[str, Any]:
 def new_policy(trained: RunConfig, observation_shape: tuple[int, ...]) -> Any:
     """The run's policy, a :class:`segar.experiments.algorithms.learner.PolicyNetwork` and ``nn.Module``, without weights."""
     learner = import_object(trained.algorithm.learner, "algorithm")
-    return learner.make_policy(
-        trained.algorithm, observation_shape, len(environment_options(trained)["task"].action_low)
-    )
+    return learner.make_policy(trained.algorithm, observation_shape, len(Prepared(trained).task.action_low))
 
 
 def options_of(folder: Path, trained: RunConfig, levels: str = "train", split: str = "test") -> dict[str, Any]:
@@ -254,7 +250,7 @@ def options_of(folder: Path, trained: RunConfig, levels: str = "train", split: s
     which = levels if suite is None else split
     if suite is not None:
         trained = dataclasses.replace(trained, levels=dataclasses.replace(trained.levels, train=suite.name))
-    return environment_options(trained, train=training_levels(folder), which="test" if which == "test" else "train")
+    return Prepared(trained).env_options(train=training_levels(folder), which="test" if which == "test" else "train")
 
 
 def training_levels(folder: Path) -> Levels | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from segar.experiments.evaluation.probing import ProbeConfig, is_probed
-from segar.experiments.levels.builders import Prepared, distribution_of, in_own_world, task_name
+from segar.experiments.levels.builders import Prepared, distribution_of, in_own_world
 from segar.experiments.runs.executed_code import differing_parts, played_code
 from segar.experiments.runs.journal import read_journal
 from segar.experiments.runs.run_folder import (
@@ -91,7 +91,7 @@ class Transfer:
         :func:`segar.experiments.runs.executed_code.played_code`; its part ``levels`` is of all test levels."""
         if self.mixture is not None:
             return played_code(Prepared(dataclasses.replace(run, observation=self.observation)))
-        task = dataclasses.replace(run.task, name=task_name(run))
+        task = dataclasses.replace(run.task, name=Prepared(run).task_name)
         there = dataclasses.replace(run, levels=self.levels_config(), task=task, observation=self.observation)
         return {**played_code(Prepared(there)), "levels": hash_of_levels(self.levels(run))}
 

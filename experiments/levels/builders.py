@@ -303,13 +303,6 @@ class Prepared:
         }
 
 
-def environment_options(
-    config: RunConfig, num_envs: int | None = None, train: Levels | None = None, which: str = "train"
-) -> dict[str, Any]:
-    """:meth:`Prepared.env_options` of a configuration of which nothing else is wanted."""
-    return Prepared(config).env_options(num_envs, train, which)
-
-
 def _import_own_levels(config: LevelsConfig) -> None:
     """Imports the modules of own levels, which may define what a task or an observation names, such as a parameter."""
     for setting, name in as_data(config).items():
@@ -325,11 +318,6 @@ def observation_seen(config: RunConfig, which: str = "train") -> ObservationConf
     """
     suite = levels_of_suite(config.levels.train, "train", "levels.train")
     return config.observation if suite is None else observation_of_suite(suite.suite, config.observation, which)
-
-
-def task_name(config: RunConfig) -> str:
-    """:attr:`Prepared.task_name` of a configuration of which nothing else is wanted."""
-    return Prepared(config).task_name
 
 
 def check_observations(prepared: Prepared, train: Levels, test: Levels) -> None:

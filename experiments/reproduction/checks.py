@@ -7,7 +7,7 @@ from typing import Any
 
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.experiments.evaluation.transfers import RunTask
-from segar.experiments.levels.builders import Prepared, check_observations, distribution_of, environment_options
+from segar.experiments.levels.builders import Prepared, check_observations, distribution_of
 from segar.experiments.reproduction.experiment_file import (
     FEWEST_BLOCKS,
     OF_GRID,
@@ -54,7 +54,7 @@ def check_objects(runs: Iterable[RunConfig]) -> None:
                 for which in ("train", "test"):
                     distribution_of(levels, which)
             if is_new(levels, run.task, run.observation):  # the task may be that of the levels
-                environment_options(run)
+                Prepared(run).env_options()
             for name in (algorithm.learner, getattr(algorithm, "encoder", "")):
                 if ":" in name and not name.startswith("segar.") and is_new(name):
                     import_object(name, "algorithm")
@@ -228,10 +228,8 @@ def check_result(place: str, column: str, works: Sequence[RunTask]) -> None:
     found = OF_TASK.fullmatch(re.sub(r"_(deterministic|sampled)$", "", column))
     if found is None:
         return
-    tasks = {repr((run.task, run.levels.train)): run for run in (work.run for work in works)}
-    results = {
-        environment_options(run)["task"].name: environment_options(run)["task"].results for run in tasks.values()
-    }
+    runs = {repr((work.run.task, work.run.levels.train)): work.run for work in works}
+    results = {task.name: task.results for task in (Prepared(run).task for run in runs.values())}
     name = found[0].removeprefix(RESULTS).removesuffix(f"_{found[1]}")
     known = sorted({one for those in results.values() for one in those})
     if name not in known:

@@ -16,7 +16,7 @@ from segar.experiments.algorithms.portable import PortableAgent
 from segar.experiments.commands.kernels import LIMITS
 from segar.experiments.evaluation.episodes import play_episodes
 from segar.experiments.evaluation.evaluator import evaluate
-from segar.experiments.levels.builders import environment_options
+from segar.experiments.levels.builders import Prepared
 from segar.experiments.runs.run_folder import read_config
 from segar.experiments.settings import (
     ConfigError,
@@ -102,7 +102,7 @@ def test_threads_and_batches_change_nothing(trained, monkeypatch):
     assert evaluate(threads, lambda line: None).episodes == whole
     policy = PortableAgent(Network.load(trained("keypoints") / "evaluations" / "test-n4-portable" / "network.npz"), 1)
     levels = segar.Levels.load(trained("keypoints") / "levels_test.npz")
-    options = environment_options(read_config(trained("keypoints")))
+    options = Prepared(read_config(trained("keypoints"))).env_options()
     monkeypatch.setattr(episodes, "BATCH", 3)
     rows = play_episodes(policy, levels, np.arange(4), options, rng=None, seed=0)
     assert [row["return"] for row in rows] == [row["return"] for row in whole if row["action_mode"] == "deterministic"]

@@ -8,7 +8,7 @@ import pytest
 import segar
 from segar.experiments.commands.hydra_app import compose
 from segar.experiments.evaluation.evaluator import evaluate, find_levels
-from segar.experiments.levels.builders import Prepared, distribution_of, environment_options, task_name
+from segar.experiments.levels.builders import Prepared, distribution_of
 from segar.experiments.reproduction.checks import check_objects
 from segar.experiments.runs.executed_code import executed_code
 from segar.experiments.runs.run_folder import read_config, read_summary
@@ -93,7 +93,9 @@ def test_names_of_runs_of_named_families_are_those_of_the_task_that_they_are_for
 @pytest.mark.parametrize("levels", [*segar.families(), *TASK_LEVELS])
 def test_named_levels_are_played_in_their_own_task(levels):
     config = on(levels)
-    assert task_name(config) == task_name(config.resolved()) == (segar.family(levels).task or "puttputt")
+    assert (
+        Prepared(config).task_name == Prepared(config.resolved()).task_name == (segar.family(levels).task or "puttputt")
+    )
 
 
 @pytest.mark.slow
@@ -112,18 +114,19 @@ def test_an_own_distribution_is_trained_and_evaluated_in_the_task_that_it_names(
 
 def test_options_are_those_of_the_levels_task(lab):
     config = on("landing_levels:field", task=TaskConfig(options={"max_steps": 3}))
-    assert environment_options(config)["task"].max_steps == 3
+    assert Prepared(config).env_options()["task"].max_steps == 3
 
 
 def test_a_chosen_task_is_played_whatever_the_levels_name(lab):
     config = on("landing_levels:field", task=TaskConfig("puttputt"))
-    assert environment_options(config)["task"].name.startswith("puttputt")
+    assert Prepared(config).env_options()["task"].name.startswith("puttputt")
     assert config.label() != on("landing_levels:field").label()
 
 
 def test_each_cell_of_a_grid_has_the_task_of_its_levels(lab):
     tasks = [
-        task_name(config_at(RunConfig(), GridPoint(name, "", 1, 0))) for name in ("invisiball", "landing_levels:field")
+        Prepared(config_at(RunConfig(), GridPoint(name, "", 1, 0))).task_name
+        for name in ("invisiball", "landing_levels:field")
     ]
     assert tasks == ["invisiball", "landing_tasks:landing"]
 
@@ -141,10 +144,11 @@ def test_the_code_of_the_levels_task_counts_as_executed(lab):
 def test_a_level_file_without_its_own_task_s_code_says_which_setting_names_it(lab):
     distribution_of(LevelsConfig("landing_levels:field"), "train").sample(3).save(lab / "field.npz")
     with pytest.raises(ConfigError, match=r"field.npz were saved for the task .*; give task=landing_tasks:landing"):
-        task_name(RunConfig(levels=LevelsConfig(str(lab / "field.npz"), test=str(lab / "field.npz"))))
+        _ = Prepared(RunConfig(levels=LevelsConfig(str(lab / "field.npz"), test=str(lab / "field.npz")))).task_name
     segar.family("invisiball").sample(3).save(lab / "balls.npz")
     assert (
-        task_name(RunConfig(levels=LevelsConfig(str(lab / "balls.npz"), test=str(lab / "balls.npz")))) == "invisiball"
+        Prepared(RunConfig(levels=LevelsConfig(str(lab / "balls.npz"), test=str(lab / "balls.npz")))).task_name
+        == "invisiball"
     )
 
 
@@ -160,7 +164,7 @@ def test_rules_that_a_level_file_only_names_are_asked_for_by_the_setting_that_na
 
 def test_a_wrong_task_of_the_levels_is_told_with_the_levels_that_name_it(lab):
     with pytest.raises(ConfigError, match=r"levels.train: .*'landing_tasks' has no 'landng'. Did you mean 'landing'"):
-        environment_options(on("landing_levels:wrong"))
+        Prepared(on("landing_levels:wrong")).env_options()
 
 
 def test_a_plan_ends_with_a_wrong_task_of_any_of_its_levels(lab):
@@ -172,9 +176,9 @@ def test_a_plan_ends_with_a_wrong_task_of_any_of_its_levels(lab):
 def test_a_variation_that_gives_named_levels_another_task_asks_for_a_choice(lab):
     levels = LevelsConfig("empty-easy", variation="landing_levels:for_landing")
     with pytest.raises(ConfigError, match=r"levels.variation: .* task=landing_tasks:landing or task=puttputt"):
-        environment_options(RunConfig(levels=levels))
+        Prepared(RunConfig(levels=levels)).env_options()
     chosen = RunConfig(levels=levels, task=TaskConfig("landing_tasks:landing"))
-    assert environment_options(chosen)["task"].name == "landing"
+    assert Prepared(chosen).env_options()["task"].name == "landing"
 
 
 @pytest.mark.parametrize(
@@ -217,4 +221,4 @@ def test_an_observation_may_name_what_the_levels_module_defines_wherever_options
     state = ObservationConfig(options={"parameters": ["Draught"]})
     config = on("landing_levels:draughty", task=TaskConfig("puttputt"), observation=state)
     assert "landing_levels" not in sys.modules
-    assert environment_options(config)["observation"].parameters == ["Draught"]
+    assert Prepared(config).env_options()["observation"].parameters == ["Draught"]

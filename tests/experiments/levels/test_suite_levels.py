@@ -9,7 +9,7 @@ import pytest
 from segar.envs import VectorEnv
 from segar.experiments.commands.config_store import register_settings
 from segar.experiments.commands.hydra_app import compose
-from segar.experiments.levels.builders import environment_options, make_levels, task_name
+from segar.experiments.levels.builders import Prepared, make_levels
 from segar.experiments.settings import ConfigError, LevelsConfig, ObservationConfig, RunConfig, TaskConfig
 from segar.language import Mass
 from segar.levels import hash_of_levels
@@ -35,9 +35,9 @@ def test_training_levels_are_drawn_and_test_levels_are_frozen():
 
 
 def test_the_task_is_that_of_the_suite_unless_another_one_is_chosen():
-    assert environment_options(config_of())["task"].max_steps == 50 and task_name(config_of()) == "puttputt"
+    assert Prepared(config_of()).env_options()["task"].max_steps == 50 and Prepared(config_of()).task_name == "puttputt"
     chosen = dataclasses.replace(config_of(), task=TaskConfig("puttputt", {"max_steps": 30}))
-    assert environment_options(chosen)["task"].max_steps == 30
+    assert Prepared(chosen).env_options()["task"].max_steps == 30
 
 
 def test_hidden_factors_are_hidden_from_states():
@@ -45,11 +45,11 @@ def test_hidden_factors_are_hidden_from_states():
     train, _ = make_levels(config.levels)
     for options in ({}, {"hidden": ["Charge"]}):
         one = dataclasses.replace(config, observation=ObservationConfig("state", options))
-        names = environment_options(one, train=train)["observation"].bind(train, 1).names
+        names = Prepared(one).env_options(train=train)["observation"].bind(train, 1).names
         assert not any(
             name.endswith((".Mass", *(f".{other}" for other in options.get("hidden", ())))) for name in names
         )
-    shown = environment_options(config_of("property-heavy-v1"), train=train)["observation"].bind(train, 1).names
+    shown = Prepared(config_of("property-heavy-v1")).env_options(train=train)["observation"].bind(train, 1).names
     assert any(name.endswith(f".{Mass.__name__}") for name in shown)
 
 
@@ -71,13 +71,13 @@ def test_what_a_suite_does_not_allow_is_told(config, message):
 def test_options_of_a_task_and_textures_are_told():
     options = dataclasses.replace(config_of(), task=TaskConfig(options={"max_steps": 30}))
     with pytest.raises(ConfigError, match=r"task\.options: the suite place-few-v1 says what is played"):
-        environment_options(options)
+        Prepared(options).env_options()
     message = (
         "the suite look-far-v1 shows the set of textures baseline in training and the set of textures far in the test"
     )
     for observation in (ObservationConfig("state"), ObservationConfig("textures", {"textures": "close"})):
         with pytest.raises(ConfigError, match=message):
-            environment_options(dataclasses.replace(config_of("look-far-v1"), observation=observation))
+            Prepared(dataclasses.replace(config_of("look-far-v1"), observation=observation)).env_options()
 
 
 def test_training_and_test_levels_of_a_suite_about_looks_look_different():
@@ -86,7 +86,7 @@ def test_training_and_test_levels_of_a_suite_about_looks_look_different():
     frames = {}
     for name, (which, shown) in product(("rgb", "textures"), (("train", "baseline"), ("test", "far"))):
         config = dataclasses.replace(look, observation=ObservationConfig(name))
-        options = environment_options(config, which=which)
+        options = Prepared(config).env_options(which=which)
         frames[which], _ = VectorEnv(test, 4, seed=0, **options).reset(options={"levels": np.arange(4)})
         own = {**options, "observation": TexturedPixels(textures=shown)}
         same, _ = VectorEnv(test, 4, seed=0, **own).reset(options={"levels": np.arange(4)})

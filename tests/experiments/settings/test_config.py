@@ -10,7 +10,7 @@ import segar
 from segar.envs import VectorEnv
 from segar.errors import PlacementError
 from segar.experiments.commands.hydra_app import compose
-from segar.experiments.levels.builders import environment_options, make_levels
+from segar.experiments.levels.builders import Prepared, make_levels
 from segar.experiments.settings import (
     ConfigError,
     PPOConfig,
@@ -119,7 +119,7 @@ def test_a_wrong_setting_is_named_with_the_nearest_right_one(override, says):
 def test_a_name_that_stands_for_nothing_is_told_with_the_nearest_one(own_module, override, says):
     config = compose([override])
     with pytest.raises(ConfigError) as caught:
-        environment_options(config)
+        Prepared(config).env_options()
         make_levels(config.levels)
     assert says in str(caught.value)
 
@@ -138,7 +138,7 @@ def test_every_named_family_is_a_choice_of_levels(family):
 def test_each_task_is_a_choice_of_task_for_its_levels(task):
     config = compose([f"levels={task}", f"task={task}", "levels.count=2", "levels.test_count=1"])
     train, _ = make_levels(config.levels)
-    assert VectorEnv(train, 2, **environment_options(config)).task.name.startswith(task)
+    assert VectorEnv(train, 2, **Prepared(config).env_options()).task.name.startswith(task)
 
 
 @pytest.mark.parametrize("name", ["own_levels:ice", "own_levels:sand"])
@@ -172,7 +172,7 @@ def test_a_setting_that_came_later_changes_no_name_until_it_is_changed():
 
 def test_a_named_observation_takes_options():
     config = compose(["observation=textures", "observation.options.textures=five", "observation.options.hidden=[Mass]"])
-    seen = environment_options(config)["observation"]
+    seen = Prepared(config).env_options()["observation"]
     assert isinstance(seen, TexturedPixels) and len(seen.texture_set) == 5
     assert seen.shows(segar.Charge) and not seen.shows(segar.Mass)
 
@@ -189,7 +189,7 @@ def test_a_named_observation_takes_options():
 def test_options_of_an_observation_need_no_plus_and_keep_its_meaning(overrides, names):
     config = compose(overrides)
     assert config == compose([f"+{one}" if ".options." in one else one for one in overrides])
-    env = VectorEnv(segar.family("empty-easy").sample(1, seed=0), 1, seed=0, **environment_options(config))
+    env = VectorEnv(segar.family("empty-easy").sample(1, seed=0), 1, seed=0, **Prepared(config).env_options())
     assert {name: name in env.observation.names for name in names} == names
 
 
@@ -200,5 +200,5 @@ def test_a_wrong_name_beside_an_option_is_the_one_that_is_told():
 
 def test_few_environments_are_stepped_by_one_thread():
     config = RunConfig(num_threads=4)
-    given = [environment_options(config, num_envs)["num_threads"] for num_envs in (1, 64, 256, 4096, None)]
+    given = [Prepared(config).env_options(num_envs)["num_threads"] for num_envs in (1, 64, 256, 4096, None)]
     assert given == [1, 1, 2, 4, 4]

@@ -6,7 +6,7 @@ from segar.analysis.probes.collection import collect_run
 from segar.experiments.evaluation.evaluator import evaluate
 from segar.experiments.evaluation.transfer_evaluation import evaluate_transfer
 from segar.experiments.evaluation.transfers import Transfer
-from segar.experiments.levels.builders import Prepared, check_observations, environment_options, make_levels
+from segar.experiments.levels.builders import Prepared, check_observations, make_levels
 from segar.experiments.runs.run_folder import read_metrics
 from segar.experiments.settings import (
     ConfigError,
@@ -73,7 +73,7 @@ def loud(gain=1.0):
 def test_an_option_that_own_code_refuses_is_told_with_its_value():
     config = RunConfig(observation=ObservationConfig(f"{__name__}:loud", {"gain": "loud"}))
     with pytest.raises(ConfigError, match=r"^observation.options: .*:loud with gain='loud' raises ValueError: could"):
-        environment_options(config)
+        Prepared(config).env_options()
 
 
 def test_an_agent_is_tested_in_the_units_that_it_was_trained_in(tmp_path, monkeypatch):

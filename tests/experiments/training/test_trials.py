@@ -11,7 +11,7 @@ from segar import GoalTile, GolfBall, Position, family, puttputt
 from segar.envs import VectorEnv
 from segar.experiments.evaluation.episodes import action_rng, play_episodes
 from segar.experiments.evaluation.evaluator import evaluate
-from segar.experiments.levels.builders import Prepared, environment_options
+from segar.experiments.levels.builders import Prepared
 from segar.experiments.reproduction.grid import varied_columns, with_settings
 from segar.experiments.runs.run_folder import read_episodes, read_summary
 from segar.experiments.settings import (
@@ -98,7 +98,7 @@ def test_a_recurrent_agent_keeps_its_memory_between_trials_in_evaluation():
 
     levels = family("empty-easy").sample(3, seed=0)
     config = RunConfig(algorithm=RECURRENT, observation=PAST, trials=3)
-    options = environment_options(config)
+    options = Prepared(config).env_options()
     env = VectorEnv(levels, 3, seed=5, **options)
     policy = RecurrentPPO.make_policy(RECURRENT, env.single_observation_space.shape or (), 2)
     policy.initialize(torch.Generator().manual_seed(0))

@@ -5,7 +5,7 @@ import pytest
 
 from segar.envs import VectorEnv
 from segar.errors import LevelError
-from segar.experiments.levels.builders import Prepared, environment_options, make_levels
+from segar.experiments.levels.builders import Prepared, make_levels
 from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
 from segar.experiments.training.advice import (
     advice_on_entities,
@@ -48,8 +48,8 @@ def test_an_entity_that_differs_or_turns_is_named_with_the_setting_that_shows_it
     assert said.endswith("observation.options.entities=[golfball,goal,moon]")
     assert found(levels, WAY_OUT, **more)[0] == {}
     shown = RunConfig(levels=config.levels, observation=ObservationConfig("state", WAY_OUT), task=config.task)
-    names = VectorEnv(train, 1, **environment_options(shown)).observation.names
-    hidden = VectorEnv(train, 1, **environment_options(config)).observation.names
+    names = VectorEnv(train, 1, **Prepared(shown).env_options()).observation.names
+    hidden = VectorEnv(train, 1, **Prepared(config).env_options()).observation.names
     assert set(names) == {*hidden, "moon.Phase"}
 
 
@@ -108,7 +108,7 @@ def test_a_parameter_that_differs_is_named_with_the_settings_that_show_it_or_end
     shows = {**options, "parameters": [*options.get("parameters", []), *names]}
     assert unseen_airs(levels, shows, **more)[0] == []
     seen = RunConfig(levels=config.levels, observation=ObservationConfig("state", shows), task=config.task)
-    shown_names = VectorEnv(make_levels(seen.levels)[0], 1, **environment_options(seen)).observation.names
+    shown_names = VectorEnv(make_levels(seen.levels)[0], 1, **Prepared(seen).env_options()).observation.names
     assert {f"world.{name}" for name in names} <= {*shown_names}
     assert unseen_airs(levels, {**options, "hidden": names}, **more)[0] == []
 

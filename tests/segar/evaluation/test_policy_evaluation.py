@@ -11,7 +11,7 @@ from segar import evaluation
 from segar.evaluation import QUANTITIES, PlayedEpisodes, find_baselines
 from segar.evaluation.policy_evaluation import Evaluation, LevelSetResult
 from segar.experiments.evaluation.episodes import distance_figures, evaluate_run, evaluation_figures, play_episodes
-from segar.experiments.levels.builders import Prepared, environment_options
+from segar.experiments.levels.builders import Prepared
 from segar.experiments.settings import EvaluationConfig, RunConfig, TaskConfig
 
 TRAIN, TEST = (segar.family("tilesx1-medium").sample(8, seed=3, split=split) for split in ("train", "test"))
@@ -48,7 +48,7 @@ def test_the_numbers_are_those_of_experiments_for_the_same_agent():
         TEST,
         seed=config.evaluation.seed,
         distances=("exact", "reference"),
-        **environment_options(config),
+        **Prepared(config).env_options(),
     )
     ours = found.figures()
     for name in ("gap", "gap_ref", *(f"{levels}/{q}" for levels in ("train", "test") for q in QUANTITIES)):
@@ -57,7 +57,7 @@ def test_the_numbers_are_those_of_experiments_for_the_same_agent():
 
 
 def test_every_episode_is_that_of_experiments():
-    options = environment_options(RunConfig(task=TaskConfig(options={"impulse": 1.0})))
+    options = Prepared(RunConfig(task=TaskConfig(options={"impulse": 1.0}))).env_options()
     rows = play_episodes(Linear(), TEST, np.arange(len(TEST)), options, rng=None, seed=5)
     episodes = segar.evaluate_policy(Linear(), TRAIN, TEST, seed=5, **options).test.episodes
     for name, column in episodes.columns().items():
