@@ -20,7 +20,6 @@ from .algorithms import (
     SACConfig,
     SPRConfig,
     added_later,
-    kind_of as kind_of,
 )
 from .checks import (
     DESIGNS as DESIGNS,

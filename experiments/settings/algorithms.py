@@ -339,12 +339,6 @@ KINDS: Mapping[str, type[PPOConfig] | type[SACConfig]] = {
 }
 
 
-def kind_of(cls: type[AlgorithmConfig]) -> str:
-    """The short name of a built-in algorithm; the import path, such as ``my_lab.mine.MineConfig``, of any other."""
-    (name,) = named_class(cls, KINDS).values()
-    return name
-
-
 def named_class(cls: type[Any], known: Mapping[str, type[Any]]) -> dict[str, str]:
     """The setting that names a class in plain data: ``kind`` of a ``known`` one, ``_target_``, its import path, of any other.
 

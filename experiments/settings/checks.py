@@ -7,7 +7,7 @@ value must be.
 import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache
+from functools import cache, partial
 from types import UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -75,41 +75,32 @@ def require_seed(place: str, seed: int) -> None:
     require(0 <= seed < SEEDS, place, seed, f"0 or more, and less than {SEEDS}")
 
 
-@dataclasses.dataclass(frozen=True)
-class That:
-    """The check that ``holds`` is true of a value."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class InSchema:
+    """A check, and what the JSON schema of files says of it."""
 
-    holds: Callable[[Any], bool]
-    wanted: str
+    check: Check
+    said: Mapping[str, Any]
 
     def __call__(self, place: str, value: Any) -> None:
-        require(self.holds(value), place, list(value) if isinstance(value, tuple) else value, self.wanted)
+        self.check(place, value)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        return {**handler(schema), "$comment": f"must be {self.wanted}"}
+        return {**handler(schema), **self.said}
 
 
-def that(holds: Callable[[Any], bool], wanted: str) -> That:
+def that(holds: Callable[[Any], bool], wanted: str) -> InSchema:
     """The check that ``holds`` is true of a value; ``wanted`` completes "it must be"."""
-    return That(holds, wanted)
+
+    def check(place: str, value: Any) -> None:
+        require(holds(value), place, list(value) if isinstance(value, tuple) else value, wanted)
+
+    return InSchema(check, {"$comment": f"must be {wanted}"})
 
 
-@dataclasses.dataclass(frozen=True)
-class OneOf:
+def one_of(*names: str) -> InSchema:
     """The check that a value is one of ``names``."""
-
-    names: tuple[str, ...]
-
-    def __call__(self, place: str, value: str) -> None:
-        require_known(place, value, self.names)
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        return {**handler(schema), "enum": list(self.names)}
-
-
-def one_of(*names: str) -> OneOf:
-    """The check that a value is one of ``names``."""
-    return OneOf(names)
+    return InSchema(partial(require_known, names=names), {"enum": list(names)})
 
 
 Count = Annotated[int, that(lambda n: n >= 1, "at least 1")]

@@ -19,7 +19,6 @@ from segar.experiments.settings.algorithms import (
     AlgorithmConfig,
     PPOConfig,
     added_later,
-    kind_of,
     named_class,
 )
 from segar.experiments.settings.checks import (
@@ -268,7 +267,7 @@ class RunConfig(Settings):
         if "device" in algorithm:
             algorithm["device"] = "cpu"
         algorithm.pop("env_device", None)
-        kind = kind_of(type(self.algorithm))
+        (kind,) = named_class(type(self.algorithm), KINDS).values()
         return {**parts, "algorithm": {"kind": kind, **algorithm}, "frames": self.scale.frames}
 
     def hash(self) -> str:
