@@ -54,13 +54,11 @@ Settings, as name=value:
 import json
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from omegaconf import DictConfig
-
 from segar.experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, run_command
-from segar.experiments.reproduce import SETTINGS, ReproduceConfig, reproduce
-from segar.experiments.reproduce import build as reproduction
+from segar.experiments.reproduce import SETTINGS, build, reproduce
 from segar.experiments.reproduction.study_file import StudyFile, check_settings, fields_text, read_study, schema
 from segar.experiments.settings import ConfigError
 
@@ -81,11 +79,6 @@ def study_of(arguments: Sequence[str]) -> tuple[StudyFile, list[str]]:
     return study, [*study.overrides(), *others]
 
 
-def build(study: StudyFile, config: DictConfig) -> ReproduceConfig:
-    """Hydra's result, with the study, as settings."""
-    return reproduction(config, grids={study.name: study.experiment}, study=study.as_data())
-
-
 @ends_with_its_reader()
 def main() -> None:
     """Runs the study that the command line names."""
@@ -97,7 +90,9 @@ def main() -> None:
         return
     with errors_as_messages():
         study, sys.argv[1:] = study_of(sys.argv[1:])
-    run_command(reproduce, "study", lambda config: build(study, config), SETTINGS)
+    run_command(
+        reproduce, "study", partial(build, grids={study.name: study.experiment}, study=study.as_data()), SETTINGS
+    )
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from segar.analysis.benchmark.scores import (
 from segar.analysis.stats.ranking import FEWEST_SEEDS, MOST_SUITES, Generalizability, coverage, generalizability
 from segar.analysis.tables import mean_by, select
 from segar.experiments.benchmarking.drawn import LEVELS
-from segar.experiments.benchmarking.protocol import BUDGETS, REFERENCES
+from segar.experiments.benchmarking.protocol import BUDGETS, PRIVILEGED, REFERENCES
 from segar.experiments.benchmarking.row import Row, commitment_of_row
 from segar.suites import RANDOM_PLAYS
 from segar.support import templates
@@ -171,8 +171,9 @@ def grinding(suites: int) -> float:
 
 
 def named(row: Row) -> str:
-    """The name of a row, marked where it is privileged."""
-    return f"`{row.method.name}`{' (privileged)' if row.is_privileged else ''}"
+    """The name of a row, marked where the method knows more than a policy may."""
+    is_privileged = row.method.name in PRIVILEGED or row.method.settings.get("privileged")
+    return f"`{row.method.name}`{' (privileged)' if is_privileged else ''}"
 
 
 def practice_table(rows: Mapping[str, Row], board: pd.DataFrame) -> str:

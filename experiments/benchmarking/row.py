@@ -21,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from segar.experiments.benchmarking.protocol import PRIVILEGED, PROTOCOL
+from segar.experiments.benchmarking.protocol import PROTOCOL
 from segar.experiments.runs.files import read_json, read_table, replacing, write_text
 from segar.experiments.runs.run_folder import differences, write_json
 from segar.experiments.runs.trust import settings_of_file
@@ -174,11 +174,6 @@ class Row:
     lacks: frozenset[str] = frozenset()
     means: str = ""
     drawn: tuple[Drawn, ...] = ()
-
-    @property
-    def is_privileged(self) -> bool:
-        """Whether the method knows more than a policy may, as it says."""
-        return self.method.name in PRIVILEGED or bool(self.method.settings.get("privileged"))
 
     @property
     def can_be_drawn(self) -> bool:
@@ -349,10 +344,10 @@ def add_pieces(folder: Path, method: Method, new: Sequence[NewPiece]) -> Row:
         pieces = sorted([*kept, *(one.piece for one in new)], key=lambda one: (one.suite, one.seed))
         tables = [] if before is None else [before.episodes()]
         tables = [*(_without(one, added) for one in tables), *(one.episodes.cast(EPISODES) for one in new)]
-        for one in (one for one in new if one.path is not None):
-            assert one.path is not None
-            with replacing(folder / one.piece.file) as beside:
-                shutil.copyfile(one.path, beside)
+        for one in new:
+            if one.path is not None:
+                with replacing(folder / one.piece.file) as beside:
+                    shutil.copyfile(one.path, beside)
         episodes = pa.concat_tables(tables).sort_by([(key, "ascending") for key in KEYS])
         with replacing(folder / TABLE) as beside:
             pq.write_table(episodes, str(beside), compression="zstd")

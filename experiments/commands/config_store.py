@@ -66,14 +66,13 @@ def register_settings(config_name: str = "config", settings: Mapping[str, Any] |
     store = ConfigStore.instance()
     if settings is not None:
         store.store(name=f"base_{config_name}", node=dict(settings))
-    base = {key: value for key, value in as_data(RunConfig()).items() if key not in ("algorithm", "curriculum")}
+    base = {key: value for key, value in as_data(RunConfig()).items() if key not in OWN_CLASSES}
     for group in WITH_OPTIONS:
         base[group] |= {"options": OmegaConf.create({}, flags={"struct": False})}
     store.store(name="base_config", node=base)
-    for kind, config in KINDS.items():
-        store.store(group="algorithm", name=f"base_{kind}", node=as_data(config()))
-    for kind, config in CURRICULA.items():
-        store.store(group="curriculum", name=f"base_{kind}", node=as_data(config()))  # type: ignore[call-arg]
+    for group, (_, known) in OWN_CLASSES.items():
+        for kind, config in known.items():
+            store.store(group=group, name=f"base_{kind}", node=as_data(config()))
     store.store(group="curriculum", name=NO_CURRICULUM, node={"name": NO_CURRICULUM})
     for name in suites():
         about = outline(name)

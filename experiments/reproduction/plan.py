@@ -106,10 +106,6 @@ class Changed:
             f" is {places[0]}"
         )
 
-    def retested(self, label: str) -> frozenset[str]:
-        """The names of the folders of the transfers of this run."""
-        return frozenset(folder for run, folder in self.tested if run == label)
-
 
 def make_plan(
     experiments: Sequence[Experiment],
@@ -143,7 +139,8 @@ def make_plan(
         check_claims(experiment, members[experiment.name])
     changed = changed_code(union.values())
     for label, work in union.items():
-        retested = changed.retested(label) if work.run.stale == "anew" else frozenset()
+        anew = changed.tested if work.run.stale == "anew" else {}
+        retested = frozenset(folder for run, folder in anew if run == label)
         parts = tuple({**changed.unfinished, **changed.finished}.get(label, ()))
         work = dataclasses.replace(work, changed=parts, retested=retested)
         if not work.is_done_here():

@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Mapping
-from typing import TextIO
 
 from tqdm import tqdm
 
@@ -13,9 +12,9 @@ LINE_INTERVAL, FIRST_LINE = 15.0, 2.0  # [s] after training has begun; from then
 class Progress:
     """Shows frames done, frames per second, mean return and the time that is left."""
 
-    def __init__(self, label: str, total: int, done: int, *, shown: bool, stream: TextIO | None = None) -> None:
+    def __init__(self, label: str, total: int, done: int, *, shown: bool) -> None:
         self.label, self.total, self.frames, self.shown = label, total, done, shown
-        self.stream = stream or sys.stderr
+        self.stream = sys.stderr
         self.since, self.first = time.monotonic(), done  # of the last line, or of the start
         self.next_line = self.since + FIRST_LINE
         self.bar = None

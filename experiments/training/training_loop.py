@@ -95,7 +95,8 @@ class Training:
                 before = learner.frames
                 figures = self.iterate()
                 progress.update(learner.frames, figures)
-                if learner.frames < total and _crossed(before, learner.frames, config.evaluation.interval):
+                every = config.evaluation.interval
+                if learner.frames < total and every and before // every < learner.frames // every:
                     self.log(self.evaluate())
                 is_time = time.monotonic() - saved > config.checkpoint_interval
                 if is_time or learner.frames >= total or self.signals.pending:
@@ -151,8 +152,3 @@ class Training:
         options = self.prepared.env_options(train=train, which="test")
         seed = self.config.evaluation.seed
         return figures_in_modes(play_in_modes(self.learner.policy, "test", test, options, seed), "test")
-
-
-def _crossed(before: int, after: int, interval: int) -> bool:
-    """Whether a multiple of ``interval`` lies in (before, after]; never for interval 0."""
-    return interval > 0 and before // interval < after // interval
