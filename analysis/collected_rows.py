@@ -46,7 +46,7 @@ def run_row(
         **place,
         **varied_columns(config, STATED),
         "test": OWN,
-        "hash": config.hash(),
+        "hash": config.hash,
         "frames": summary["frames"],
         "test_levels": config.levels.test_count,
         **figures_of_run(summary, episodes),

@@ -56,7 +56,7 @@ def save_checkpoint(
     _require_finite(learner)
     content = {
         "format": FORMAT,
-        "config": config.hash(),
+        "config": config.hash,
         "code": dict(code),
         "frames": learner.frames,
         "policy": learner.policy.state_dict(),
@@ -87,9 +87,9 @@ def resume_checkpoint(
     if found is None:
         return None
     path, content = found
-    if content["config"] != config.hash():
+    if content["config"] != config.hash:
         raise CheckpointError(
-            f"the checkpoint {path} was written by another configuration ({content['config']} there, {config.hash()} here). "
+            f"the checkpoint {path} was written by another configuration ({content['config']} there, {config.hash} here). "
             "Go back to that configuration, or train anew with restart=true"
         )
     differing = differing_parts(content["code"], code)
@@ -150,9 +150,9 @@ def load_newest_policy(
     path, content = found
     _load_weights(path, policy, content)
     made_with = content["config"]
-    if config is not None and made_with != config.hash():
+    if config is not None and made_with != config.hash:
         say(
-            f"note: {folder / CONFIG} was edited: its settings have the hash {config.hash()}, and the weights were made with"
+            f"note: {folder / CONFIG} was edited: its settings have the hash {config.hash}, and the weights were made with"
             f" {made_with}. The agent plays by the edited settings"
         )
     return content["frames"]

@@ -270,12 +270,9 @@ class RunConfig(Settings):
         (kind,) = named_class(type(self.algorithm), KINDS).values()
         return {**parts, "algorithm": {"kind": kind, **algorithm}, "frames": self.scale.frames}
 
+    @cached_property
     def hash(self) -> str:
         """Eight hexadecimal digits that are equal for equal :meth:`identity`."""
-        return self._hash
-
-    @cached_property
-    def _hash(self) -> str:
         return digest(self.identity())
 
     def label(self) -> str:
@@ -285,7 +282,7 @@ class RunConfig(Settings):
         levels = "-".join((levels, *(name for name in special if name)))
         count, curriculum = f"n{self.levels.count}", () if self.curriculum is None else (self.curriculum.name,)
         parts = (levels, count, self.observation.name, self.algorithm.name, *curriculum, f"s{self.seed}")
-        return "-".join((*("".join(c if c.isalnum() or c in "_-." else "_" for c in p) for p in parts), self.hash()))
+        return "-".join((*("".join(c if c.isalnum() or c in "_-." else "_" for c in p) for p in parts), self.hash))
 
 
 def digest(data: Any) -> str:

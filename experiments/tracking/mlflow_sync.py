@@ -193,7 +193,7 @@ def tags_of(config: RunConfig) -> dict[str, str]:
     """The tags by which MLflow finds a run."""
     point = grid_point(config)
     return {
-        "config_hash": config.hash(),
+        "config_hash": config.hash,
         "sweep": config.tracking.sweep,
         "family": point.family,
         "difficulty": point.difficulty,

@@ -155,11 +155,11 @@ def test_settings_survive_being_written_and_read():
 
 def test_only_what_decides_results_decides_the_hash():
     config = RunConfig()
-    assert pickle.loads(pickle.dumps(config)).hash() == config.hash()
+    assert pickle.loads(pickle.dumps(config)).hash == config.hash
     for change in ({"progress": False}, {"root": "/elsewhere"}, {"restart": True}, {"num_threads": 2}):
-        assert dataclasses.replace(config, **change).hash() == config.hash()
-    assert dataclasses.replace(config, seed=1).hash() != config.hash()
-    assert dataclasses.replace(config, algorithm=PPOConfig(gamma=0.9)).hash() != config.hash()
+        assert dataclasses.replace(config, **change).hash == config.hash
+    assert dataclasses.replace(config, seed=1).hash != config.hash
+    assert dataclasses.replace(config, algorithm=PPOConfig(gamma=0.9)).hash != config.hash
 
 
 def test_a_setting_that_came_later_changes_no_name_until_it_is_changed():
@@ -167,7 +167,7 @@ def test_a_setting_that_came_later_changes_no_name_until_it_is_changed():
     assert "overlap" in as_data(config)["algorithm"] and "overlap" not in config.identity()["algorithm"]
     other = dataclasses.replace(config, algorithm=PPOConfig(overlap=True))
     assert other.identity()["algorithm"]["overlap"] is True
-    assert other.hash() != config.hash()
+    assert other.hash != config.hash
 
 
 def test_a_named_observation_takes_options():

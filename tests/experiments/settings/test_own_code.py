@@ -85,7 +85,7 @@ def test_an_edited_level_file_is_another_run_and_a_named_one_is_refused(lab):
     before = run_config({"levels": {"train": f"{lab}/eight.npz", "test": "empty-easy"}})
     segar.family("empty-easy").sample(8, seed=4).save(lab / "eight.npz")
     after = run_config({"levels": {"train": f"{lab}/eight.npz", "test": "empty-easy"}})
-    assert before.hash() != after.hash()
+    assert before.hash != after.hash
     with pytest.raises(ConfigError, match="holds other levels than when it was named"):
         make_levels(before.levels)
 
