@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from importlib.metadata import EntryPoint, entry_points
 
 from segar.cli import cite, gallery, kernels, lab, levels, play, playground, record, results, suites
-from segar.cli.arguments import load_levels, table
+from segar.cli.arguments import load_playable, table
 from segar.errors import SegarError
 from segar.support import USAGE_ERROR, Parser, __version__, escape_what_cannot_be_printed, need
 

@@ -87,7 +87,10 @@ def load_playable(path: str, world: str | None) -> Levels:
     levels = load_levels(path, world)
     if levels.world is None and levels.provenance.rules:
         rules = ", ".join(levels.provenance.rules)
-        raise LevelError(f"{path}: these levels have rules of their own ({rules}); give them by --world")
+        raise LevelError(
+            f"{path}: these levels have rules of their own ({rules}), which a level file does not hold; give them by --world"
+            " module:attribute, of a World, a LevelDistribution or a list of rules"
+        )
     return levels
 
 

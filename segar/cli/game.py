@@ -77,7 +77,8 @@ class Game:
         elif event.type == pygame.MOUSEMOTION and self.aim is not None:
             self.aim = self._place(event.pos)
         elif event.type == pygame.MOUSEBUTTONUP and event.button == MOUSE_BUTTON and self.aim is not None:
-            self._hit(self._place(event.pos))
+            self._action = self._push(self._place(event.pos))
+            self.aim, self.is_running, self.is_paused = None, True, False
 
     def advance(self) -> bool:
         """Play one step, if time runs; return whether it did."""
@@ -147,10 +148,6 @@ class Game:
         elif key in (pygame.K_r, pygame.K_n):
             self.level = (self.level + (key == pygame.K_n)) % len(self.env.levels)
             self._start()
-
-    def _hit(self, place: np.ndarray) -> None:
-        self._action = self._push(place)
-        self.aim, self.is_running, self.is_paused = None, True, False
 
     def _push(self, place: np.ndarray) -> np.ndarray:
         """The action of a hit towards a place, float32 ``(2,)``: at most as hard as the task allows."""

@@ -43,7 +43,7 @@ class TorchRLEnv(EnvBase):
     ``device="cuda"`` all tensors lie on that GPU, where the episodes run.
 
     Arguments are those of :class:`segar.envs.VectorEnv`, which also says what it raises; and :class:`SegarError` if a part
-    of the observation is named like another entry. ``observation_key`` is the key of an observation of one array, else None.
+    of the observation is named like another entry.
 
     >>> env = TorchRLEnv(segar.family("empty-hard").sample(10, seed=0), num_envs=64, seed=0)
     >>> env.rollout(30, break_when_any_done=False)["next", "reward"].shape
@@ -59,7 +59,6 @@ class TorchRLEnv(EnvBase):
         self.vector_env = vector_env
         self._episode_keys = EPISODE_KEYS | (TRIAL_KEYS if vector_env.trials > 1 else {})
         space = self.vector_env.single_observation_space
-        self.observation_key = _key_of(space) if isinstance(space, spaces.Box) else None
         seen = _named(space)
         for name in seen.keys() & {*self._episode_keys, "action", "reward", "done", "terminated", "truncated"}:
             raise SegarError(f"TorchRLEnv: an observation's part cannot be called '{name}', as another entry is")

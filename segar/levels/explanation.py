@@ -91,11 +91,8 @@ def _candidates(
     last = counting[-1] if counting else None
     found = []
     for place, prior in enumerate(counting):
-        if not factors_read(prior):
-            verdict = f"wins{' where no other one holds' if place else ''}: {rank(prior)}"
-        else:
-            verdict = f"wins where its relation holds: {rank(prior)}"
-        found.append(Candidate(prior, verdict))
+        where = " where its relation holds" if factors_read(prior) else " where no other one holds" if place else ""
+        found.append(Candidate(prior, f"wins{where}: {rank(prior)}"))
     rest = [p for p in priors if issubclass(factor, p.factor) and not any(p is c for c in counting)]
     for prior in sorted(rest, key=specificity, reverse=True):
         if prior.entity_type is not None and not issubclass(entity, prior.entity_type):

@@ -10,7 +10,7 @@ import dataclasses
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -106,10 +106,10 @@ class LevelData:
         fields: dict[str, Any] = {name: getattr(self, name).copy() for name in LEVEL_ARRAYS if name not in arrays}
         return LevelData(**{**vars(self), **fields, **arrays})
 
-    def part(self, start: int, stop: int) -> LevelData:
-        """Some of the levels, whose arrays are views."""
-        provenance = dataclasses.replace(self.provenance, indices=self.provenance.indices[start:stop])
-        arrays: dict[str, Any] = {name: getattr(self, name)[start:stop] for name in LEVEL_ARRAYS}
+    def at(self, index: slice | np.ndarray) -> Self:
+        """Some of the levels; their arrays are views where they are a slice."""
+        provenance = dataclasses.replace(self.provenance, indices=self.provenance.indices[index])
+        arrays: dict[str, Any] = {name: getattr(self, name)[index] for name in LEVEL_ARRAYS}
         return dataclasses.replace(self, **arrays, provenance=provenance)
 
     def set_shape(self, levels: int | np.ndarray, slot: int, shape: BaseShape) -> None:

@@ -147,9 +147,7 @@ class Levels(LevelData, ShownInNotebooks):
             raise LevelError(
                 f"levels are picked by an index, a slice or a list of indices, and at least one; not {index!r}"
             )
-        arrays = {field: getattr(self, field)[picked] for field in LEVEL_ARRAYS}
-        provenance = dataclasses.replace(self.provenance, indices=self.provenance.indices[picked])
-        return dataclasses.replace(self, **arrays, provenance=provenance)
+        return self.at(picked)
 
     def __iter__(self) -> Iterator[Levels]:
         return (self[i] for i in range(len(self)))

@@ -50,7 +50,7 @@ def draw_levels(plan: SamplingPlan, streams: Streams, levels: LevelData) -> None
         PriorError: a distribution gave a value that its factor cannot take.
     """
     for start in range(0, len(levels), CHUNK):
-        part = levels.part(start, start + CHUNK)
+        part = levels.at(slice(start, start + CHUNK))
         draw_unplaced(plan, streams, part)
         sizes = draw_outlines(plan, streams, part)
         draw_positions(plan, streams, part)

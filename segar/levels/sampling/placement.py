@@ -1,5 +1,6 @@
 """Placement: distinct heights in the pile, minimum distances, and moving things out of walls and of each other."""
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -24,10 +25,9 @@ def too_close(position: np.ndarray, min_distance: float) -> np.ndarray:
         min_distance: metres.
     """
     close = np.zeros(len(position), dtype=bool)
-    for i in range(position.shape[1]):
-        for j in range(i + 1, position.shape[1]):
-            dx, dy = (position[:, i] - position[:, j]).T
-            close |= dx * dx + dy * dy <= min_distance**2
+    for i, j in combinations(range(position.shape[1]), 2):
+        dx, dy = (position[:, i] - position[:, j]).T
+        close |= dx * dx + dy * dy <= min_distance**2
     return close
 
 
@@ -106,19 +106,17 @@ def fix_overlaps(
 def _push_apart(x: np.ndarray, radius: np.ndarray, solid: np.ndarray) -> np.ndarray:
     """Move overlapping solid pairs of ``x`` apart, in place; whether anything moved, bool ``(n,)``."""
     moved = np.zeros(len(x), dtype=bool)
-    places = np.flatnonzero(solid.any(axis=0))
-    for at, i in enumerate(places):
-        for j in places[at + 1 :]:
-            dx, dy = (x[:, j] - x[:, i]).T
-            distance = np.sqrt(dx * dx + dy * dy)
-            depth = radius[:, i] + radius[:, j] + CONTACT_THRESHOLD - distance
-            hit = np.flatnonzero((depth >= 0) & solid[:, i] & solid[:, j])
-            if not len(hit):
-                continue
-            moved[hit] = True
-            apart = np.stack([dx[hit], dy[hit]], axis=-1)
-            apart[distance[hit] == 0] = (1.0, 0.0)  # one upon the other: any direction will do
-            apart *= ((depth[hit] + SLACK) / (2 * np.where(distance[hit] == 0, 1.0, distance[hit])))[:, None]
-            x[hit, i] -= apart
-            x[hit, j] += apart
+    for i, j in combinations(np.flatnonzero(solid.any(axis=0)), 2):
+        dx, dy = (x[:, j] - x[:, i]).T
+        distance = np.sqrt(dx * dx + dy * dy)
+        depth = radius[:, i] + radius[:, j] + CONTACT_THRESHOLD - distance
+        hit = np.flatnonzero((depth >= 0) & solid[:, i] & solid[:, j])
+        if not len(hit):
+            continue
+        moved[hit] = True
+        apart = np.stack([dx[hit], dy[hit]], axis=-1)
+        apart[distance[hit] == 0] = (1.0, 0.0)  # one upon the other: any direction will do
+        apart *= ((depth[hit] + SLACK) / (2 * np.where(distance[hit] == 0, 1.0, distance[hit])))[:, None]
+        x[hit, i] -= apart
+        x[hit, j] += apart
     return moved
