@@ -133,11 +133,6 @@ class ReproduceConfig:
         """Absolute paths of the folders of ``imported``."""
         return [Path(folder).expanduser().resolve() for folder in self.imported]
 
-    def probe_config(self) -> ProbeConfig:
-        """How runs are probed at this scale."""
-        scale = self.run.scale.name
-        return construct(ProbeConfig, self.probes.get(scale, {}), f"probes.{scale}")
-
     def at_scale(self) -> list[Experiment]:
         """The chosen experiments at this scale; raises :class:`ConfigError` if one is wrong, or none is left."""
         found = []
@@ -173,9 +168,9 @@ def reproduce(
         ConfigError: a study is not known.
     """
     imported = read_imported_results(config.imported_folders())
-    plan = make_plan(
-        config.at_scale(), with_sweep_tag(config), config.folder, config.probe_config(), imported, left_out
-    )
+    scale = config.run.scale.name
+    probes = construct(ProbeConfig, config.probes.get(scale, {}), f"probes.{scale}")
+    plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, probes, imported, left_out)
     speeds = measure_speeds(runs_root(config.run))
     processes = config.processes or cores()
     print(as_text(plan, speeds, processes, config.run.scale), flush=True)
@@ -261,7 +256,10 @@ def carry_out(work: Work) -> dict[str, float]:
     The module that tests agents imports torch. It is imported here, so that planning does not load torch.
     """
     if isinstance(work, StudyTask):
-        run_study(work)
+        work.out.mkdir(parents=True, exist_ok=True)
+        if not run_plugin(STUDIES, work.study, work.out, work.options):
+            raise TrainingError(f"the study {work.study} failed")
+        write_json(work.done_file, work.request())
         return {}
     if isinstance(work, ReportTask):
         if not all(run_plugin(REPORTS, name, work.folder) for name in ("tables", "report")):
@@ -276,14 +274,6 @@ def carry_out(work: Work) -> dict[str, float]:
     if work.probes is not None and work.needs_probing():
         figures = {**figures, **probe_finished(work.run, work.probes)}
     return figures
-
-
-def run_study(study: StudyTask) -> None:
-    """Runs a study in a process of its own; raises :class:`TrainingError` if it fails."""
-    study.out.mkdir(parents=True, exist_ok=True)
-    if not run_plugin(STUDIES, study.study, study.out, study.options):
-        raise TrainingError(f"the study {study.study} failed")
-    write_json(study.done_file, study.request())
 
 
 def do_all(

@@ -10,7 +10,7 @@ import json
 import multiprocessing
 import traceback
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, cast
@@ -43,7 +43,7 @@ class Episodes:
     runs_on_gpu: bool = False
 
 
-class PolicyProcess:
+class PolicyProcess(AbstractContextManager["PolicyProcess"]):
     """The policy that ``name``, ``module:function``, makes of a training side, in a process that ends with :meth:`close`.
 
     Args:
@@ -96,9 +96,6 @@ class PolicyProcess:
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
-
-    def __enter__(self) -> PolicyProcess:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -36,18 +36,8 @@ class SignalMonitor:
 
     def __init__(self) -> None:
         self.deferring = False
-        self._pending: list[int] = []
+        self.pending: list[int] = []  # signals that wait for a checkpoint
         self._other_handlers: dict[int, Any] = {}  # by signal; installed before this monitor
-
-    @property
-    def pending(self) -> bool:
-        """Whether a signal waits for a checkpoint."""
-        return bool(self._pending)
-
-    @property
-    def stopping(self) -> int | None:
-        """The number of a stopping signal that still waits."""
-        return next((number for number in self._pending if number in STOPPING), None)
 
     def __enter__(self) -> SignalMonitor:
         self.deferring = True
@@ -62,7 +52,7 @@ class SignalMonitor:
         Raises:
             Stopped: a stopping signal came in that no other handler takes; ``where`` ends its message.
         """
-        pending, self._pending = self._pending, []
+        pending, self.pending = self.pending, []
         for number in pending:
             if number in self._other_handlers:
                 self._other_handlers[number](number, None)
@@ -71,14 +61,14 @@ class SignalMonitor:
 
     def receive(self, number: int, frame: Any) -> None:
         """The handler that is installed for all signals."""
-        if self.deferring and number not in self._pending:
-            self._pending.append(number)
+        if self.deferring and number not in self.pending:
+            self.pending.append(number)
             # Not print: a signal may come in the middle of another print.
             os.write(2, f"{signal.Signals(number).name}: writes a checkpoint after this iteration\n".encode())
         elif number in self._other_handlers:
             self._other_handlers[number](number, frame)
         elif number in STOPPING:
-            self._pending.clear()
+            self.pending.clear()
             raise Stopped(number)
 
     def install(self) -> dict[int, Any]:
@@ -104,5 +94,6 @@ def watch_signals() -> Iterator[SignalMonitor]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        if monitor.stopping is not None:  # the run ended for another reason before it could act on the signal
-            os.kill(os.getpid(), monitor.stopping)
+        stopping = [number for number in monitor.pending if number in STOPPING]
+        if stopping:  # the run ended for another reason before it could act on the signal
+            os.kill(os.getpid(), stopping[0])

@@ -33,9 +33,6 @@ class Ended:
     positive_value_loss: np.ndarray
     mean_value: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.row)
-
 
 class EpisodeSums(SavedState):
     """Sums over the running episodes of all environments, which rollouts cut at their ends.

@@ -52,8 +52,6 @@ class LevelRows:
 
     def put(self, rows: np.ndarray, levels: Levels, made: bool = False) -> None:
         """Puts levels into rows, each named once; ``made`` says that they are not of the training split."""
-        if not len(rows):
-            return
         self.env.replace_levels(rows, levels)
         self.number[rows] = MADE if made else levels.provenance.indices
         self.identity[rows] = self.identity.max() + 1 + np.arange(len(rows))  # the newest level is in a row
@@ -71,5 +69,5 @@ class LevelRows:
         """Continues from ``state``; returns the pool that the environments are to be restored with."""
         self.number, self.identity = state["number"].copy(), state["identity"].copy()
         if self.stream is not None:
-            self.stream.go_to(state["next"])
+            self.stream.next, self.stream.block = state["next"], None
         return self.env.pool.with_arrays(state["pool"])

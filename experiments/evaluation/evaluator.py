@@ -103,7 +103,12 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
         network = network_of(policy, observation_shape(env), options["task"])
         policy = PortableAgent(network, config.num_threads)
     repeated = config.episodes if env.is_random else 1
-    rows = play_levels(policy, levels, options, config, repeated)
+    rounds = {"deterministic": repeated, "sampled": config.episodes}
+    rows = [
+        row
+        for mode in config.modes
+        for row in play_in_modes(policy, config.levels, levels, options, config.seed, (mode,), rounds[mode])
+    ]
     baselines = find_baselines(
         levels, options["task"], rng=np.random.default_rng(config.seed), seed=config.seed,
         samples=config.planner_samples, iterations=config.planner_iterations, num_threads=config.num_threads,
@@ -120,7 +125,8 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
         summary["planner"] = {name: getattr(config, name) for name in sizes}
     summary["code"] = code_after(code, say)
     out = Path(config.out).expanduser().resolve() if config.out else folder / EVALUATIONS / label(config, levels)
-    if replaced := code_replaced(out, code):
+    before = (read_evaluation(out) or {}).get("code")
+    if before is not None and (replaced := differing_parts(before, code)):
         say(f"note: an evaluation by other code lay there, and is replaced; changed since: {', '.join(replaced)}")
     write(out, levels, rows, summary, network)
     say(as_table(f"{folder.name} after {frames:,} frames, on {described(config, levels)}:", players, baselines))
@@ -157,12 +163,6 @@ def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:
     name = without_files(config.levels, "levels")
     task = dataclasses.replace(trained.task, name=Prepared(trained).task_name)
     return dataclasses.replace(trained, levels=LevelsConfig(train=name, test=name), task=task)
-
-
-def code_replaced(out: Path, code: Mapping[str, str]) -> list[str]:
-    """Names of the parts of ``code`` that were others when the evaluation in this folder was made; none where none was."""
-    before = (read_evaluation(out) or {}).get("code")
-    return [] if before is None else differing_parts(before, code)
 
 
 def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Levels:
@@ -246,10 +246,9 @@ def options_of(folder: Path, trained: RunConfig, levels: str = "train", split: s
         levels: ``"test"`` for the run's own test levels, which look different in suites of textures; or the name of a suite,
             which says what is played, and what is seen of the levels of this split.
     """
-    suite = levels_of_suite(levels, split, "levels")
-    which = levels if suite is None else split
-    if suite is not None:
-        trained = dataclasses.replace(trained, levels=dataclasses.replace(trained.levels, train=suite.name))
+    which = levels
+    if levels_of_suite(levels, split, "levels") is not None:
+        which, trained = split, dataclasses.replace(trained, levels=dataclasses.replace(trained.levels, train=levels))
     return Prepared(trained).env_options(train=training_levels(folder), which="test" if which == "test" else "train")
 
 
@@ -269,19 +268,6 @@ def shape_in(levels: Levels, trained: RunConfig, options: Mapping[str, Any]) -> 
             f"levels: the agent plays the task {options['task'].name} that it was trained on, and these levels do not fit it:"
             f" {reason}. Name levels on which that task can be played"
         ) from error
-
-
-def play_levels(
-    policy: Agent, levels: Levels, options: Mapping[str, Any], config: EvaluateConfig, repeated: int
-) -> list[dict[str, Any]]:
-    """``repeated`` episodes on each level by the deterministic policy, ``config.episodes`` by the sampled one; rows as in
-    ``run_folder.EPISODE_SCHEMA``, with ``config.levels`` as the name of the level set."""
-    rounds = {"deterministic": repeated, "sampled": config.episodes}
-    return [
-        row
-        for mode in config.modes
-        for row in play_in_modes(policy, config.levels, levels, options, config.seed, (mode,), rounds[mode])
-    ]
 
 
 def figures(rows: Sequence[Mapping[str, Any]], baselines: Baselines | None) -> dict[str, float]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.cli import load_levels
+from segar.cli import load_playable
 from segar.envs import VectorEnv
 from segar.errors import LevelError, RuleError, SegarError, did_you_mean
 from segar.experiments.levels.rule_sets import levels_of_rule_sets
@@ -118,15 +118,9 @@ def levels_in(path: Path, world: str | None, place: str, setting: str) -> Levels
             named; the message says which setting names it.
     """
     try:
-        levels = load_levels(str(path), world)
+        return load_playable(str(path), world)
     except LevelError as error:  # which names the option of the command segar
         raise ConfigError(f"{place}: {str(error).replace('--world ', f'{setting}=')}") from error
-    if levels.world is None and levels.provenance.rules:
-        raise ConfigError(
-            f"{place}: the levels of {path} have rules of their own ({', '.join(levels.provenance.rules)}), which a level"
-            f" file does not hold; name them: {setting}=module:attribute, of a World, a LevelDistribution or a list of rules"
-        )
-    return levels
 
 
 def in_own_world(levels: Levels, config: LevelsConfig, which: str) -> Levels:
@@ -142,7 +136,7 @@ def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
         return levels_at_target(distribution, config, test)
     if config.design != "iid" and hasattr(distribution, "suite"):
         raise ConfigError(
-            f"levels.design: the suite {distribution.name} draws its training levels; leave {config.design} out"
+            f"levels.design: the suite {distribution.suite.name} draws its training levels; leave {config.design} out"
         )
     if config.design == "iid":  # a user's own distribution need not be a LevelDistribution for this design
         return distribution.sample(config.number, seed=config.seed, split="train")

@@ -42,10 +42,6 @@ class Stream:
         self.next = int(levels.provenance.indices[-1]) + 1
         return levels
 
-    def go_to(self, index: int) -> None:
-        """Goes on from the level of this index."""
-        self.next, self.block = index, None
-
 
 def stream_of(prepared: Prepared) -> Stream:
     """The stream of training levels that the settings name, from its beginning.

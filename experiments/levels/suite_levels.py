@@ -32,15 +32,10 @@ class SuiteLevels:
         """What is played; raises :class:`ConfigError` where options ask for something else."""
         if config.task.options:
             raise ConfigError(
-                f"task.options: the suite {self.name} says what is played, so that results compare; take its levels without"
-                f" it, or leave {', '.join(config.task.options)} out"
+                f"task.options: the suite {self.suite.name} says what is played, so that results compare; take its levels"
+                f" without it, or leave {', '.join(config.task.options)} out"
             )
         return self.suite.task
-
-    @property
-    def name(self) -> str:
-        """The suite's name."""
-        return self.suite.name
 
     def sample(self, n: int, seed: int = 0, split: str = "train") -> Levels:
         """``n`` training levels of a seed, none of which is a test level; or the first ``n`` of the test, whatever the seed.
@@ -52,7 +47,7 @@ class SuiteLevels:
             return self.suite.sample(seed, n)
         if n > len(self.suite.test_levels):
             raise ConfigError(
-                f"levels.test_count: the suite {self.name} has {len(self.suite.test_levels)} test levels, not {n}"
+                f"levels.test_count: the suite {self.suite.name} has {len(self.suite.test_levels)} test levels, not {n}"
             )
         return self.suite.test_levels[:n]
 

@@ -49,20 +49,14 @@ def make_encoder(config: PPOConfig | DrQConfig, observation_shape: tuple[int, ..
     try:
         trunk = make(height, width, depth)
         encoder = (StackEncoder if isinstance(trunk, Keypoints) else FrameEncoder)(trunk, config.precision)
-        encoder.width = width_of(encoder, observation_shape)
+        with torch.no_grad():
+            encoder.width = encoder.eval()(torch.zeros(1, *observation_shape, dtype=torch.uint8)).shape[-1]
+        encoder.train()
     except RuntimeError as error:  # torch's own, of a kernel larger than what it should read
         raise ConfigError(
             f"algorithm.encoder: '{config.encoder}' cannot read {height} x {width} frames: {error}"
         ) from error
     return encoder
-
-
-@torch.no_grad()
-def width_of(encoder: FrameEncoder, observation_shape: tuple[int, ...]) -> int:
-    """The number of numbers in the encoder's representation of a frame; its trunk is evaluated once, on a black one."""
-    representation = encoder.eval()(torch.zeros(1, *observation_shape, dtype=torch.uint8))
-    encoder.train()
-    return representation.shape[-1]
 
 
 @torch.compiler.assume_constant_result  # the capabilities of a processor cannot be traced

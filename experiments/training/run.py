@@ -150,7 +150,6 @@ def _carry_out(training: Training, say: Callable[[str], None]) -> dict[str, Any]
     final = {**evaluation_figures(episodes), **distances, **diversity_figures(train, test)}
     if training.chosen is not None:
         final |= training.chosen.finish(learner.frames)
-        training.write_played()
     evaluation_seconds = time.perf_counter() - began
     training.log(final)
     write_rows(folder / EPISODES, episodes, EPISODE_SCHEMA)

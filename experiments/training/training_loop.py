@@ -128,7 +128,6 @@ class Training:
         self.write_figures()
         extra: dict[str, Any] = {"seconds": self.seconds, "rows": len(self.rows)}
         if self.chosen is not None:
-            self.write_played()
             extra |= {"levels": self.chosen.state_dict(), "played": len(self.chosen.log.rows)}
         save_checkpoint(self.folder, self.config, self.learner, extra, self.code)
 
@@ -138,11 +137,12 @@ class Training:
         self.rows += [{"name": name, **moment, "value": float(value)} for name, value in figures.items()]
 
     def write_figures(self) -> None:
-        """Replaces ``metrics.parquet``; raises :class:`RunFolderError`."""
-        write_rows(self.folder / METRICS, self.rows, METRIC_SCHEMA)
+        """Replaces ``metrics.parquet`` and, where something chooses levels, ``played.parquet``.
 
-    def write_played(self) -> None:
-        """Writes which levels were played, where something chooses them; raises :class:`RunFolderError`."""
+        Raises:
+            RunFolderError: a file cannot be written.
+        """
+        write_rows(self.folder / METRICS, self.rows, METRIC_SCHEMA)
         if self.chosen is not None:
             write_rows(self.folder / PLAYED, self.chosen.log.rows, PLAYED_SCHEMA)
 

@@ -158,7 +158,7 @@ def test_rules_that_a_level_file_only_names_are_asked_for_by_the_setting_that_na
     levels = LevelsConfig("empty-easy", test="empty-easy")
     with pytest.raises(ConfigError, match=rf"levels.{which}: .* rules of their own \(move.*levels.world=module:"):
         distribution_of(dataclasses.replace(levels, **{which: str(lab / "free.npz")}), which)
-    with pytest.raises(ConfigError, match=r"levels: .* rules of their own \(move.*: world=module:attribute"):
+    with pytest.raises(ConfigError, match=r"levels: .* rules of their own \(move.* world=module:attribute"):
         find_levels(EvaluateConfig("run", levels=str(lab / "free.npz")), lab, RunConfig())
 
 
