@@ -80,7 +80,6 @@ def train(overrides: Sequence[str], iterations: int) -> dict[str, list[float]]:
     from segar.experiments.commands.hydra_app import compose
     from segar.experiments.levels.builders import Prepared, make_levels
     from segar.experiments.settings import import_object
-    from segar.experiments.training.training_loop import History
 
     config = compose(["levels=empty-hard", "levels.count=200", "observation=rgb", *overrides])
     runtime.set_process_defaults(config.num_threads)
@@ -101,10 +100,9 @@ def train(overrides: Sequence[str], iterations: int) -> dict[str, list[float]]:
 
     env.step = timed_step
     found: dict[str, list[float]] = {"rates": [], "per_core": [], "shares": []}
-    history = History()
     for iteration in range(WARM + iterations):
         before, in_environments, wall, cpu = learner.frames, 0.0, time.perf_counter(), time.process_time()
-        history.log(learner.iterate(), learner.frames, wall)
+        learner.iterate()
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         if iteration >= WARM:
             frames = learner.frames - before

@@ -83,7 +83,8 @@ def made(tmp_path, data=STUDY, work_off=planted):
     study, overrides = study_of([str(path), f"root={tmp_path}/runs", "processes=1"])
     register_settings("study", SETTINGS)
     with initialized():
-        config = build(study, compose_data(overrides, "study"))
+        grids = {study.name: study.experiment}
+        config = build(compose_data(overrides, "study"), grids=grids, study=study.as_data())
     plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder)
     for work in plan.runs:
         work_off(work)
