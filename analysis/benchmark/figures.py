@@ -61,7 +61,8 @@ def _draw_profile(axes: Axes, board: pd.DataFrame, rows: Sequence[str], axes_nam
 
 
 def _looks(rows: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
-    """A colour and a marker for each row."""
+    """A colour and a marker for each row, of which no two of 49 rows have the same."""
     ordered = sorted(rows)
     colours = {row: style.PALETTE[i % len(style.PALETTE)] for i, row in enumerate(ordered)}
-    return colours, {row: style.MARKERS[i % len(style.MARKERS)] for i, row in enumerate(ordered)}
+    rounds = {row: i + i // len(style.PALETTE) for i, row in enumerate(ordered)}
+    return colours, {row: style.MARKERS[i % len(style.MARKERS)] for row, i in rounds.items()}

@@ -141,6 +141,6 @@ def test_a_manifest_that_is_none_is_refused_with_its_line(folder, line):
 def test_what_is_in_git_is_small_and_what_is_not_is_in_the_manifest():
     shipped = {one.path for one in read_manifest(RESULTS)}
     here = [path for path in RESULTS.rglob("*") if path.is_file() and str(path.relative_to(RESULTS)) not in shipped]
-    assert sum(path.stat().st_size for path in here) <= 9 * 2**20
+    assert sum(path.stat().st_size for path in here) <= 20e6
     assert not [path for path in here if path.suffix in (".pdf", ".html")]
     assert not any(Path(name).is_absolute() for name in shipped)
