@@ -195,7 +195,9 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
     page = (rows / PAGE).read_text()
     ranked, _, rest = page.partition("## Practice test only")
     assert "| `ahead` (not verified) | 1 |" in ranked and "| `behind` (not verified) | 2 |" in ranked
-    assert "`recorded`" not in ranked.partition("## All suites")[2] and "of 2 learners" in rest  # not of those with few seeds
+    assert (
+        "`recorded`" not in ranked.partition("## All suites")[2] and "of 2 learners" in rest
+    )  # not of those with few seeds
     assert "`recorded` (not verified)" in rest
 
 
