@@ -1,10 +1,14 @@
 """Rules that nobody would write: random bodies over random arguments, from one family that covers the language."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 import segar.language.random
+from segar.engine import generate
+from segar.errors import ConflictError, RuleError
 from segar.language.effects import Aggregate, Differential, SetFactor
 from segar.language.entities import Ball, Entity, GoalTile, GolfBall, Magnet, Object, SandTile, Thing, Tile
 from segar.language.factors import (
@@ -43,6 +47,9 @@ from segar.language.values import (
     where,
 )
 from segar.levels.level_set import Levels
+from segar.rules import DEFAULT_RULES
+from segar.rules.world import World
+from segar.tasks.puttputt_task import puttputt
 
 
 class Temperature(Scalar, default=20.0): ...
@@ -319,6 +326,23 @@ class Author:
         ]
         two = [is_on, overlaps, contains, as_relation(heavier)]
         return self.one(one if count == 1 else one + 2 * two)
+
+
+def worlds_of_random_rules(count: int, levels: Levels) -> Iterator[tuple[int, World]]:
+    """Worlds of rules with all functions, draws, relations and up to three bodies, of which kernels can be made."""
+    seed = 0
+    while count:
+        seed += 1
+        rng = np.random.default_rng(seed)
+        author = Author(rng)
+        rules = [author.rule() for _ in range(4)] + list(DEFAULT_RULES if seed % 2 else ())
+        try:
+            world = World([rules[i] for i in rng.permutation(len(rules))])
+            generate(levels.layout, world, puttputt().functions())
+        except (RuleError, ConflictError):
+            continue
+        count -= 1
+        yield seed, world
 
 
 def mixed_levels(rng: Any, count: int = 16, small: bool = False) -> Levels:

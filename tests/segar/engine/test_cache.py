@@ -325,7 +325,7 @@ def as_nobody(tmp_path):
     # The package lies in a folder of root's, and so does its machine code.
     shared = {"PYTHONPATH": f"{ROOT}:{tmp_path}", "PYTHONDONTWRITEBYTECODE": "1", "SEGAR_CACHE_DIR": ""}
 
-    def run(user=AS_NOBODY, **variables):
+    def run(user=AS_NOBODY, program=program, **variables):
         values = [f"{name}={value}" for name, value in {**shared, "TMPDIR": tmp_path / "tmp", **variables}.items()]
         done = subprocess.run(
             [*user, *values, sys.executable, "-c", program], check=True, capture_output=True, text=True
@@ -340,12 +340,10 @@ def as_nobody(tmp_path):
 
 
 def test_a_user_without_a_home_keeps_kernels_in_the_temporary_folder_and_is_told(as_nobody, tmp_path):
-    for home in ({}, {"HOME": "/"}):
-        shutil.rmtree(tmp_path / "tmp" / f"segar-{NOBODY}", ignore_errors=True)
-        hits, said = as_nobody(**home)
-        assert hits == "[0, 0]" and f"machine code is kept in {tmp_path}/tmp/segar-{NOBODY}" in said
-        assert mode(tmp_path / "tmp" / f"segar-{NOBODY}") == 0o700
-        assert as_nobody(**home) == ("[1, 1]", "")
+    hits, said = as_nobody()
+    assert hits == "[0, 0]" and f"machine code is kept in {tmp_path}/tmp/segar-{NOBODY}" in said
+    assert mode(tmp_path / "tmp" / f"segar-{NOBODY}") == 0o700
+    assert as_nobody(HOME="/") == ("[1, 1]", "")  # a home that cannot be written is none
 
 
 def test_a_user_s_own_folder_holds_what_is_compiled(as_nobody, tmp_path):
@@ -364,18 +362,22 @@ def test_kernels_that_root_made_ready_are_read(as_nobody, tmp_path):
     assert as_nobody(SEGAR_CACHE_DIR=tmp_path / "ready")[0] == "[1, 1]"  # kept in the user's folder
 
 
-@pytest.mark.parametrize("part", ["", "__pycache__"])
-def test_ready_kernels_to_which_others_can_write_are_refused(as_nobody, tmp_path, part):
-    as_nobody(("env",), SEGAR_CACHE_DIR=tmp_path / "ready")
-    (tmp_path / "ready" / part).chmod(0o757)
-    with pytest.raises(subprocess.CalledProcessError) as refused:
-        as_nobody(SEGAR_CACHE_DIR=tmp_path / "ready")
-    assert "others can write to" in refused.value.stderr
-    os.chown(tmp_path / "ready" / part, 4321, -1)
-    (tmp_path / "ready" / part).chmod(0o755)
-    with pytest.raises(subprocess.CalledProcessError) as refused:
-        as_nobody(SEGAR_CACHE_DIR=tmp_path / "ready")
-    assert "belongs to user 4321, whose kernels would run as you" in refused.value.stderr
+def test_ready_kernels_to_which_others_can_write_are_refused(as_nobody, tmp_path):
+    """All in one process, since each takes a second to start."""
+    for part in ("", "__pycache__"):
+        for name, owner, bits in ((f"open{part}", 0, 0o757), (f"strange{part}", 4321, 0o755)):
+            (tmp_path / name / "__pycache__").mkdir(parents=True)
+            os.chown(tmp_path / name / part, owner, -1)
+            (tmp_path / name / part).chmod(bits)
+    program = (
+        "import os, sys\nfrom segar.errors import SegarError\nfrom segar.engine.compiler.kernel_cache import load_module\n"
+        "for name in ('open', 'strange', 'open__pycache__', 'strange__pycache__'):\n"
+        f"    os.environ['SEGAR_CACHE_DIR'] = '{tmp_path}/' + name\n"
+        "    try:\n        load_module('answer = 42')\n    except SegarError as error:\n        print(error)\n"
+    )
+    said = as_nobody(program=program)[0].splitlines()
+    assert ["others can write to" in line for line in said] == [True, False] * 2
+    assert ["belongs to user 4321, whose kernels would run as you" in line for line in said] == [False, True] * 2
 
 
 def test_no_function_of_the_package_is_kept_by_numba_s_own_cache():

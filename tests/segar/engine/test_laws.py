@@ -1,13 +1,11 @@
 """Laws of mechanics and symmetries of the world, on compiled kernels."""
 
 import dataclasses
-from typing import Tuple  # as the paper writes rules
 
 import numpy as np
 import pytest
 
 from segar.engine.simulator import State
-from segar.language.effects import Aggregate
 from segar.language.factors import (
     Acceleration,
     Charge,
@@ -15,20 +13,17 @@ from segar.language.factors import (
     InfiniteEnergy,
     Magnetism,
     Mass,
-    Mobile,
     Position,
     Size,
     StoredEnergy,
     Velocity,
 )
 from segar.language.factors import Friction as Mu
-from segar.language.parameters import FloorFriction, Gravity, MaxVelocity
-from segar.language.relations import is_on
-from segar.language.rule_definition import rule
-from segar.language.values import ZERO
+from segar.language.parameters import FloorFriction, MaxVelocity
 from segar.levels.level_set import Levels
 from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law
 from segar.rules.world import World
+from tests.agreement import rules_of_2022
 from tests.segar.engine.worlds import random_states, read, set_factor, start, uncompiled
 
 BALLS = [0, 2, 3, 4]  # slots of the table's balls
@@ -90,19 +85,6 @@ def test_bodies_that_collide_separate(crowd):
         assert apart.min() > 0
 
 
-def test_an_immobile_body_reflects_like_a_wall_of_its_shape(table):
-    simulator, levels = table
-    levels = with_parameters(levels, FloorFriction=0.0)
-    state = start(levels)
-    x, v = read(state, levels, Position), read(state, levels, Velocity)
-    x[0, 0], v[0, 0] = (0.295, 0.0), (1.0, 0.0)
-    read(state, levels, Mobile)[0, 2] = 0.0
-    set_factor(state, levels, Charge, 0.0)
-    simulator.step(state, levels)
-    assert v[0, 0] == pytest.approx([-1.0, 0.0], abs=1e-7) and np.abs(v[0, 2]).max() < 1e-7
-    assert state.contacts[0] == 1
-
-
 def test_friction_stops_a_ball_at_half_mass_speed_squared_over_mu_g_and_for_good(table):
     """The paper's force is mu g, not mu m g: the distance is m v^2 / (2 mu g)."""
     simulator, levels = table
@@ -160,22 +142,6 @@ def test_nothing_is_faster_than_the_largest_speed(table):
     speed = np.linalg.norm(after, axis=-1)
     assert np.all(speed <= limit[state.level[untouched], None] * (1 + 1e-12))
     assert np.any(np.linalg.norm(before, axis=-1) > 20)
-
-
-def test_a_wall_takes_its_share_of_both_components_and_turns_one(table):
-    simulator, levels = table
-    damping = np.linspace(0, 1, 21)
-    levels = with_parameters(levels, 21, FloorFriction=0.0, WallDamping=damping)
-    state = start(levels)
-    set_factor(state, levels, Charge, 0.0)
-    x, v = read(state, levels, Position), read(state, levels, Velocity)
-    x[:, 0], v[:, 0] = (-0.895, -0.5), (-1.0, 0.25)
-    simulator.step(state, levels)
-    np.testing.assert_allclose(v[:, 0, 0], 1 - damping, atol=1e-15)
-    np.testing.assert_allclose(v[:, 0, 1], 0.25 * (1 - damping), atol=1e-15)
-    assert (state.contacts == 1).all()
-    # It reaches the wall after 5 ms, and goes back for the other 5 ms.
-    np.testing.assert_allclose(x[:, 0, 0], -0.9 + 0.005 * (1 - damping), atol=3e-7)
 
 
 def test_a_corner_turns_both_components(table):
@@ -247,49 +213,13 @@ def test_the_order_of_objects_does_not_matter(sampled):
     assert state.contacts.sum() > 10
 
 
-def listed_friction(
-    body: Tuple[Mass, Velocity, Acceleration], ground: Tuple[Mu], g: Gravity
-) -> Aggregate[Acceleration]:
-    """The paper's friction: a force mu g against the direction of motion, nothing below 1e-6 m/s."""
-    m, v, a = body
-    (mu,) = ground
-    if v.norm() >= 1e-6:
-        return Aggregate[Acceleration](a, -(v.sign() * (mu * g) * v.abs()) / v.norm() / m)
-    return None
-
-
-def listed_lorentz(
-    source: Tuple[Position, Velocity, Charge, Magnetism],
-    target: Tuple[Position, Velocity, Charge, Mass, Acceleration],
-) -> Aggregate[Acceleration]:
-    """The paper's Lorentz law, in unit vectors."""
-    (x1, v1, q1, b1), (x2, v2, q2, m2, a) = source, target
-    if m2 == 0:
-        return Aggregate[Acceleration](a, ZERO)
-    apart, w = x2 - x1, v2 - v1
-    electric = q1 * q2 * apart.unit_vector() / apart.norm() ** 2 if q1 else 0.0
-    magnetic = q2 * w.norm() * b1 * w.unit_vector().tangent_vector() / w.norm() ** 2 if b1 and w.norm() != 0 else 0.0
-    return Aggregate[Acceleration](a, (magnetic + electric) / m2)
-
-
 @pytest.mark.parametrize("family", ["objectsx3-hard", "tilesx3-hard"])
-def test_the_paper_s_friction_and_lorentz_law_are_ours_where_ours_are_not_mended(sampled, family):
+def test_the_friction_and_lorentz_law_of_2022_are_ours_where_ours_are_not_mended(sampled, family):
     simulator, levels = sampled(family)
-    printed = {apply_friction: rule(relation=is_on)(listed_friction), lorentz_law: rule(listed_lorentz)}
+    printed = {apply_friction: rules_of_2022.apply_friction, lorentz_law: rules_of_2022.lorentz_law}
     theirs = uncompiled(World([printed.get(r, r) for r in DEFAULT_RULES]), levels.layout)
     state = random_states(levels, 40, np.random.default_rng(5), speed=2.0)
     listed = state.copy()
     simulator.step(state, levels)
     theirs.step(listed, levels)
     np.testing.assert_allclose(listed.values, state.values, rtol=1e-10, atol=1e-10)
-
-
-def test_changing_a_parameter_of_the_world_changes_nothing_else(table):
-    """Framerate scales time: velocities after one sub-step without forces are those before."""
-    simulator, levels = table
-    levels = with_parameters(levels, 2, FloorFriction=0.0, Framerate=np.array([100.0, 1000.0]))
-    state = start(levels)
-    set_factor(state, levels, Charge, 0.0)
-    read(state, levels, Velocity)[:, 0] = (0.1, 0.2)
-    simulator.step(state, levels)
-    np.testing.assert_allclose(read(state, levels, Position)[:, 0], [(0.001, 0.002), (0.0001, 0.0002)], atol=1e-16)

@@ -9,7 +9,8 @@ import segar
 from segar.engine.compiler.kernel import generate
 from segar.engine.simulator import Simulator
 from segar.language import Number, arctan2, cos, exp, hypot, log, make, sin, tan, tanh
-from segar.reference import Interpreter
+from segar.reference.interpreter import Interpreter, keyed_uniform
+from segar.support import keyed_uniform as compiled_uniform
 from tests.segar.engine.worlds import start
 
 LEVELS = segar.family("empty-hard").sample(20, seed=0)
@@ -42,6 +43,22 @@ def test_a_kernel_imports_only_the_functions_that_it_calls(rules, names):
     text = generate(LEVELS.layout, world, segar.puttputt().functions()).text
     lines = [line.split("  # ")[0] for line in text.splitlines() if "segar.support.mathematics" in line]
     assert lines == ([] if names is None else [f"from segar.support.mathematics import {names}"])
+
+
+def test_keyed_numbers_are_those_of_version_0_1_0():
+    """Runs of another version repeat only while these stay."""
+    keys = [(0, 0, 0, (0,)), (1, 0, 0, (0,)), (0, 1, 0, (0,)), (0, 0, 1, (0,)), (0, 0, 0, (1, 2, 3))]
+    stored = [0.20310281705476096, 0.039922651441566814, 0.3891968432269929, 0.507910028376233, 0.5264441259812085]
+    assert [keyed_uniform(*key) for key in keys] == stored
+
+
+def test_random_numbers_of_kernels_are_those_of_plain_integers():
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        key, tick, site = rng.integers(2**64, dtype=np.uint64), rng.integers(10**6), rng.integers(10**5)
+        slots = [int(s) for s in rng.integers(2**15, size=3)]
+        plain = keyed_uniform(int(key), int(tick), int(site), tuple(slots))
+        assert compiled_uniform(key, tick, site, *slots) == plain
 
 
 @pytest.mark.parametrize("exponent", [2, 2.0, 1, 0.5, -1, -1.0])

@@ -151,7 +151,7 @@ def after(engine: str, rules: Sequence[Any], levels: Levels, n: int = 1, key: An
     interpreter = Interpreter(world, levels.layout)
     for e in range(len(state.level)):
         result = interpreter.step(levels, state.level[e], n=n, key=int(state.key[e]))
-        state.values[e], state.tick[e] = result.values, result.tick
+        state.values[e], state.tick[e], state.contacts[e] = result.values, result.tick, result.contacts
     return state
 
 

@@ -1,8 +1,6 @@
 """Kernels for NVIDIA GPUs: their PTX, executed on this processor, gives the bits of native kernels."""
 
-import itertools
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 from unittest import mock
@@ -12,14 +10,13 @@ import pytest
 
 from segar.engine import BY_NUMBER, Argument, Entry, Simulator, State, StepResult, build_kernel, step_entry
 from segar.engine.targets.ptx import DESCRIPTION
-from segar.errors import ConflictError, RuleError, SegarError
-from segar.language.factors import Velocity
+from segar.errors import SegarError
 from segar.levels.level_set import Levels
 from segar.levels.named_families import TASK_LEVELS, families, family
-from segar.rules import DEFAULT_RULES, move
+from segar.rules import move
 from segar.rules.world import World
 from segar.tasks import task_of
-from tests.segar.engine.random_rules import Author, mixed_levels
+from tests.segar.engine.random_rules import mixed_levels, worlds_of_random_rules
 from tests.segar.engine.targets.ptx_machine import PTXMachine, UnknownPTX
 from tests.segar.engine.worlds import random_states
 
@@ -101,37 +98,17 @@ def pair_of(levels: Levels, world: World | None = None) -> Pair:
 
 
 @pytest.mark.slow
-def test_ptx_gives_the_bits_of_the_native_kernel():
-    pair = pair_of(family("objectsx3-hard").sample(LEVELS, seed=0))
-    assert_equal_bits(pair, np.random.default_rng(2))
-    assert pair.state.contacts.sum() > 100 and pair.result.success.dtype == bool
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [*families(), *TASK_LEVELS])
 def test_ptx_gives_the_bits_of_the_native_kernel_in_every_family(name):
-    assert_equal_bits(pair_of(family(name).sample(LEVELS, seed=0)), np.random.default_rng(2))
-
-
-def random_worlds() -> Iterator[tuple[int, World]]:
-    """Worlds of random rules that can be built, without end."""
-    layout = mixed_levels(np.random.default_rng(0)).layout
-    for seed in range(10**6):
-        rng = np.random.default_rng(seed)
-        author = Author(rng)
-        rules = [author.rule() for _ in range(rng.integers(2, 6))] + list(DEFAULT_RULES if seed % 2 else ())
-        try:
-            world = World([rules[i] for i in rng.permutation(len(rules))])
-            step_entry(world, layout, task_of(mixed_levels(np.random.default_rng(0))))
-        except (RuleError, ConflictError):
-            continue
-        yield seed, world
+    pair = pair_of(family(name).sample(LEVELS, seed=0))
+    assert_equal_bits(pair, np.random.default_rng(2))
+    assert pair.result.success.dtype == bool and (pair.state.contacts.sum() > 100 or name != "objectsx3-hard")
 
 
 @pytest.mark.slow
 def test_ptx_gives_the_bits_of_the_native_kernel_in_worlds_of_random_rules():
     levels = mixed_levels(np.random.default_rng(0))
-    for seed, world in itertools.islice(random_worlds(), 4):
+    for seed, world in worlds_of_random_rules(4, levels):
         rng = np.random.default_rng(seed)
         assert_equal_bits(Pair(Simulator(world, levels.layout), levels, random_states(levels, LEVELS, rng)), rng)
 
@@ -223,11 +200,3 @@ def test_the_machine_gives_what_was_never_written_a_pattern():
     out = np.zeros(1, np.uint64)
     PTXMachine(text.replace("LINE", lines.replace("; ", ";\n"))).launch("made", 1, 1, [out])
     assert out[0] == 0xA5A5A5A5A5A5A5A5
-
-
-def test_velocities_count_as_state():
-    """The comparison would see a difference of one bit."""
-    pair = pair_of(family("empty-hard").sample(3, seed=0), World((move,)))
-    column = pair.levels.layout.columns[Velocity]
-    pair.theirs["state_values"][1, 0, column] = np.nextafter(pair.theirs["state_values"][1, 0, column], 1.0)
-    assert pair.differences() == ["state_values"]

@@ -3,14 +3,13 @@
 import os
 import re
 import shutil
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
 import segar
-from segar.engine import TARGETS, Given, Rows, Scratch, Simulator, TargetKernel, build_kernel, call_of, generate
+from segar.engine import TARGETS, Given, Rows, Scratch, Simulator, TargetKernel, build_kernel, call_of
 from segar.engine.compiler.kernel import CONFLICT
 from segar.engine.targets import build, numba_ir
 from segar.engine.targets.build import COMPILED
@@ -21,7 +20,7 @@ from segar.language import Ball, Charge, GoalTile, GolfBall, Mass, Position, Set
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OneOf, Pixels, PreviousActions, PreviousStep, Stack
 from tests.places import ROOT
-from tests.segar.engine.random_rules import Author, mixed_levels
+from tests.segar.engine.random_rules import mixed_levels, worlds_of_random_rules
 from tests.segar.engine.targets.functions import doubled, foreign
 from tests.segar.engine.targets.machines import MACHINES, Aarch64Machine, WasmMachine
 from tests.segar.engine.targets.twin import Twin
@@ -165,25 +164,11 @@ def test_rules_that_contradict_each_other_are_told_as_natively():
     assert (twin.machine["errors"][2, 0], rules) == (CONFLICT, ["halve", "double_if_charged"])
 
 
-def worlds_of_random_rules(count: int, levels: segar.Levels) -> Iterator[tuple[int, segar.World]]:
-    """Worlds of rules with all functions, draws, relations and up to three bodies, of which kernels can be made."""
-    seed = 0
-    while count:
-        seed += 1
-        rng = np.random.default_rng(seed)
-        author = Author(rng)
-        try:
-            world = segar.World([author.rule() for _ in range(4)] + list(segar.DEFAULT_RULES))
-            generate(levels.layout, world, segar.puttputt().functions())
-        except (RuleError, ConflictError):
-            continue
-        count -= 1
-        yield seed, world
-
-
-def agree_on_random_rules(target: str, count: int) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("target", QUICK)
+def test_worlds_of_random_rules_agree(target):
     levels = mixed_levels(np.random.default_rng(0))
-    for seed, world in worlds_of_random_rules(count, levels):
+    for seed, world in worlds_of_random_rules(20, levels):
         simulator, rng = Simulator(world, levels.layout), np.random.default_rng(seed)
         state = random_states(levels, 30, rng)
         env = VectorEnv(levels, 30, world=world, seed=0, autoreset_mode="Disabled")
@@ -197,12 +182,6 @@ def agree_on_random_rules(target: str, count: int) -> None:
                 break
             twin.machine.call(twin.calls.step, {}, twin.sizes, {"sub_steps": 1, "with_task": 0}, 30)
             assert (seed, sub_step, twin.differences()) == (seed, sub_step, [])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("target", QUICK)
-def test_worlds_of_random_rules_agree(target):
-    agree_on_random_rules(target, 20)
 
 
 @pytest.mark.parametrize("target", QUICK)
