@@ -26,12 +26,6 @@ def empty_hard() -> tuple[Levels, Plan]:
     return levels, plan(levels, rng=np.random.default_rng(0), samples=32, iterations=3)
 
 
-def test_it_solves_empty_hard_and_its_certificates_replay_to_the_bit():
-    levels, found = empty_hard()
-    assert found.solved.all() and not found.died.any()
-    assert replay(levels, found).all()
-
-
 @pytest.mark.slow
 def test_the_bar_at_least_99_percent_of_200_empty_hard_levels_with_certificates_that_replay():
     levels = segar.family("empty-hard").sample(200, seed=1)
@@ -40,8 +34,9 @@ def test_the_bar_at_least_99_percent_of_200_empty_hard_levels_with_certificates_
     assert replay(levels, found).all()
 
 
-def test_it_reaches_the_goal_sooner_than_the_script():
+def test_it_solves_empty_hard_sooner_than_the_script_and_its_certificates_replay_to_the_bit():
     levels, found = empty_hard()
+    assert found.solved.all() and not found.died.any() and replay(levels, found).all()
     by_script = scripted_episodes(make_starts(levels))
     assert by_script is not None and by_script.solved.all()
     assert (found.returns >= by_script.returns).all()
@@ -60,14 +55,9 @@ def test_it_is_never_worse_than_the_script_however_small_the_search(name):
     assert (found.returns[both] >= by_script.returns[both]).all()
     failed = ~found.solved & ~found.died
     assert (found.returns[failed] >= value(by_script, starts.task)[failed]).all()
-
-
-def test_it_finds_the_fast_way_where_the_scripted_player_burns():
-    levels = segar.family("tilesx1-medium").sample(30, seed=3)
-    by_script = scripted_episodes(make_starts(levels))
-    found = plan(levels, rng=np.random.default_rng(0), samples=64, iterations=5)
-    assert by_script is not None and by_script.solved.mean() < 0.1
-    assert found.solved.mean() > 0.9 and replay(levels, found).all()
+    if name == "tilesx1-medium":  # where the scripted player burns, more search finds the fast way
+        found = plan(levels, rng=np.random.default_rng(0), samples=64, iterations=5)
+        assert by_script.solved.mean() < 0.1 and found.solved.mean() > 0.9 and replay(levels, found).all()
 
 
 def test_a_farther_goal_takes_more_steps():
@@ -91,8 +81,10 @@ def test_a_certificate_that_was_tampered_with_does_not_replay():
     assert np.array_equal(replay(levels, dataclasses.replace(found, returns=returns)), expected)
 
 
-def test_plans_do_not_replay_on_other_levels():
+def test_plans_do_not_replay_on_other_levels_and_a_search_that_is_too_small_is_refused():
     levels, found = empty_hard()
+    with pytest.raises(SegarError, match="the search needs at least 8 samples, not 4"):
+        plan(levels, rng=np.random.default_rng(0), samples=4, iterations=0)
     others = segar.family("empty-hard").sample(20, seed=99)
     assert not replay(others, found).any()
     with pytest.raises(SegarError, match="this plan is of 20 levels, and here are 3"):
@@ -127,12 +119,6 @@ def test_where_rules_have_chance_the_plan_replays_under_its_own_seed_only():
     found = plan(levels, rng=np.random.default_rng(0), samples=32, iterations=3, seed=11)
     assert found.solved.all() and replay(levels, found).all()
     assert not replay(levels, dataclasses.replace(found, seed=12)).any()
-
-
-def test_a_search_that_is_too_small_is_refused():
-    levels = segar.family("empty-hard").sample(1)
-    with pytest.raises(SegarError, match="the search needs at least 8 samples, not 4"):
-        plan(levels, rng=np.random.default_rng(0), samples=4, iterations=0)
 
 
 def test_a_task_without_a_script_is_planned_for_all_the_same():

@@ -90,19 +90,12 @@ def test_there_are_as_many_combinations_as_there_are_subsets(options):
     assert space.combinations.probability.sum() == pytest.approx(1)
 
 
-def test_exclusive_options_are_never_active_together():
-    space = small_space(exclusive=[("push", "fade")])
-    active = active_options(EMPTY.with_rules(space).sample(2000))
-    push_at, fade_at = map(space.index, ("push", "fade"))
-    assert active[:, push_at].any() and active[:, fade_at].any() and not (active[:, push_at] & active[:, fade_at]).any()
-
-
 def test_samples_have_the_frequencies_and_distributions_of_the_space():
     space, n = small_space(), 20_000
     levels = EMPTY.with_rules(space).sample(n, seed=3)
     active = active_options(levels)
     keys = [tuple(row) for row in space.combinations.active.tolist()]
-    counts = np.array([sum(map(key.__eq__, map(tuple, active.tolist()))) for key in keys])
+    counts = np.array([(active == key).all(axis=1).sum() for key in keys])
     assert counts.sum() == n
     assert scipy.stats.chisquare(counts, space.combinations.probability * n).pvalue > 1e-3
     column = levels.layout.parameters.index
@@ -182,7 +175,9 @@ def test_files_and_pickles_hold_rule_sets_to_the_bit(tmp_path, name):
     with pytest.raises(LevelError, match=r"must be a segar.World or None, not <rule space .*World\(...\) makes one of"):
         Levels.load(tmp_path / name, dynamics_space())  # type: ignore[arg-type]
     again = pickle.loads(pickle.dumps(levels))
-    assert again == levels and rules_in_words(again, 3) == rules_in_words(levels, 3)
+    words = [rules_in_words(levels, index) for index in range(30)]
+    assert again == levels and [rules_in_words(again, index) for index in range(30)] == words
+    assert list(map(len, words)) == active_options(levels).sum(axis=1).tolist() and "{" not in str(words)
 
 
 def test_the_hash_is_that_of_what_is_drawn():
@@ -199,12 +194,11 @@ def test_the_hash_is_that_of_what_is_drawn():
     assert EMPTY.with_rules(small_space()).hash == hashes[1]
 
 
-@pytest.mark.parametrize("by", ["combinations", "rules", "constants"])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize(("by", "seed"), [("combinations", 0), ("rules", 1), ("constants", 2)])
 def test_no_rule_set_of_the_test_is_in_training(by, seed):
     space = dynamics_space()
     parts = {part: EMPTY.with_rules(space.split(part, by, seed=seed)) for part in ("train", "test")}
-    levels = {part: distribution.sample(3000, seed=seed) for part, distribution in parts.items()}
+    levels = {part: distribution.sample(2000, seed=seed) for part, distribution in parts.items()}
     assert len(shared_rule_sets(levels["train"], levels["test"])) == 0
     for part, other in (("train", "test"), ("test", "train")):
         assert np.isfinite(parts[part].log_prob(levels[part], normalised=False)).all()
@@ -252,13 +246,6 @@ def test_shared_rule_sets_are_found():
     levels = EMPTY.with_rules(small_space()).sample(40, seed=2)
     pairs = shared_rule_sets(levels, levels[[7, 3]])
     assert {7: 0, 3: 1}.items() <= dict(pairs.tolist()).items()
-
-
-def test_words_name_each_active_option_and_its_constants():
-    levels = EMPTY.with_rules(dynamics_space(4)).sample(20)
-    for index in range(20):
-        texts = rules_in_words(levels, index)
-        assert len(texts) == 4 and not any("{" in text for text in texts)
 
 
 def test_levels_by_hand_choose_their_rules():

@@ -8,7 +8,7 @@ import pytest
 import segar
 from segar.engine import Simulator
 from segar.language import Charge, Magnetism, Mass
-from segar.levels import Levels, active_options, families, family, rule_space_of
+from segar.levels import Levels, active_options, family, rule_space_of
 from segar.noise import DiscreteRangeNoise
 from segar.rules import World
 from segar.rules.templates import dynamics_space
@@ -47,7 +47,7 @@ def ends(levels: Levels, make=Simulator, sub_steps: int = 25) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["objectsx1-hard", pytest.param("tilesx3-hard", marks=pytest.mark.slow)])
 def test_kernel_and_interpreter_agree_on_random_rule_sets(name, request):
-    count = 60 if name == "objectsx1-hard" else 1000
+    count = 30 if name == "objectsx1-hard" else 1000
     levels = charged(family(name).with_rules(dynamics_space(DiscreteRangeNoise(0, 6))).sample(count, seed=2))
     state = random_states(levels, count, np.random.default_rng(3), speed=1.0)
     state.level[:] = np.arange(count)
@@ -56,20 +56,18 @@ def test_kernel_and_interpreter_agree_on_random_rule_sets(name, request):
     assert found.contacts > 0
 
 
-@pytest.mark.parametrize("index", range(6))
-def test_a_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_bit(index):
-    levels = charged(family("objectsx1-hard").with_rules(SPACE).sample(6, seed=11))
-    together = ends(levels)
-    alone = ends(specialised(levels[index]), uncompiled)
-    assert together[index].tobytes() == alone[0].tobytes()
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-@pytest.mark.parametrize("index", range(12))
-def test_a_compiled_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_bit(index):
-    levels = charged(family("tilesx2-hard").with_rules(SPACE).sample(12, seed=5))
-    assert ends(levels, sub_steps=200)[index].tobytes() == ends(specialised(levels[index]), sub_steps=200)[0].tobytes()
+@pytest.mark.parametrize(
+    ("name", "count", "make", "sub_steps"),
+    [
+        ("objectsx1-hard", 6, uncompiled, 25),
+        pytest.param("tilesx2-hard", 12, Simulator, 200, marks=[pytest.mark.slow, pytest.mark.compiled]),
+    ],
+)
+def test_a_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_bit(name, count, make, sub_steps):
+    levels = charged(family(name).with_rules(SPACE).sample(count, seed=11))
+    together = ends(levels, make, sub_steps)
+    for index in range(count):
+        assert together[index].tobytes() == ends(specialised(levels[index]), make, sub_steps)[0].tobytes()
 
 
 @pytest.mark.parametrize(
@@ -82,11 +80,8 @@ def test_a_compiled_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_b
 )
 def test_the_default_physics_is_a_point_of_the_space(name):
     """The options lorentz and friction together are the default rules, to the bit."""
-    assert name in families()
-    plain = family(name).sample(5, seed=3)
-    space = SPACE
-    chosen = {space.options[space.index(option)].active: 1.0 for option in ("lorentz", "friction")}
-    levels = family(name).with_rules(space).sample(5, seed=3)
+    plain, levels = family(name).sample(5, seed=3), family(name).with_rules(SPACE).sample(5, seed=3)
+    chosen = {SPACE.options[SPACE.index(option)].active: 1.0 for option in ("lorentz", "friction")}
     parameters = np.array([[chosen.get(p, p.default) for p in levels.layout.parameters]] * 5)
     known = [levels.layout.parameters.index(p) for p in plain.layout.parameters]
     parameters[:, known] = plain.parameters

@@ -43,12 +43,8 @@ FIRST = np.array([True, False, False, False])
 
 
 def test_the_table_has_a_cue_ball_ten_balls_and_four_pockets():
-    assert LAYOUT.names == (
-        "cueball",
-        *(f"ball{k}" for k in range(1, 11)),
-        *(f"hole{k}" for k in range(1, 5)),
-        "global_friction",
-    )
+    balls, holes = (f"ball{k}" for k in range(1, 11)), (f"hole{k}" for k in range(1, 5))
+    assert LAYOUT.names == ("cueball", *balls, *holes, "global_friction")
     kinds = [LAYOUT.types[t] for t in TABLES.types[0, :-1]]
     assert kinds == [CueBall] + [Ball] * 10 + [Hole] * 4
 
@@ -78,12 +74,6 @@ def test_the_cue_ball_lies_below_the_rack_and_in_no_pocket():
     assert size.mean() == pytest.approx(0.2, abs=0.001) and size.std() == pytest.approx(0.01, rel=0.1)
 
 
-def test_levels_name_their_task_in_a_file_too(tmp_path):
-    TABLES.save(tmp_path / "tables.npz")
-    loaded = Levels.load(tmp_path / "tables.npz")
-    assert loaded.task == "billiards" and VectorEnv(loaded[:3], 2).task.name == "billiards-distance"
-
-
 def test_the_reward_is_minus_the_squared_distances_of_the_balls_to_their_nearest_pockets():
     env = VectorEnv(TABLES, 32, seed=0, autoreset_mode="Disabled")
     policy, (_, info) = at_random(), env.reset(seed=0)
@@ -98,8 +88,8 @@ def test_the_reward_is_minus_the_squared_distances_of_the_balls_to_their_nearest
 def test_kernel_and_interpreter_agree_about_states_in_disorder():
     for reward in ("distance", "potted"):
         simulator = uncompiled(World(), LAYOUT, billiards(reward, sub_steps=1))
-        state = random_states(TABLES, 6, np.random.default_rng(1), speed=0.5)
-        actions = np.random.default_rng(2).uniform(-1, 1, (6, 2)).astype(np.float32)
+        state = random_states(TABLES, 3, np.random.default_rng(1), speed=0.5)
+        actions = np.random.default_rng(2).uniform(-1, 1, (3, 2)).astype(np.float32)
         assert compare(simulator, TABLES, state, actions).worst < 1e-9
 
 
@@ -159,12 +149,12 @@ def test_the_scripted_player_pots_more_than_twice_as_many_as_random_play():
 
 def test_balls_that_are_down_are_not_aimed_at():
     env, info = env_with()
-    x, m = info["factors"]["Position"], 1.0
+    x = info["factors"]["Position"]
     only = LAYOUT.slot_index("ball1")
     for k in range(2, 11):
         env.intervene(f"ball{k}", Done, True)
     info = env.step(STILL)[-1]
-    push = env.task.demo_actions(env.factors) * m
+    push = env.task.demo_actions(env.factors)
     towards = x[:, only] - x[:, CUE]
     assert push.shape == (4, 2) and push.dtype == np.float32 and np.abs(push).max() <= 1
     assert ((push * towards).sum(axis=1) > 0).all()

@@ -29,14 +29,13 @@ def test_levels_that_name_no_task_are_for_puttputt():
     assert levels.task is None and task_of(levels).name == "puttputt-squared"
 
 
-def test_levels_can_name_a_task_of_ones_own_as_an_object_or_a_function():
-    for attribute, expected in (
-        ("tests.segar.tasks.test_registry:mine", mine),
-        ("segar.tasks.puttputt_task:puttputt", None),
-    ):
-        levels = LevelDistribution(NUMBERS, positions=APART, task=attribute).sample(2)
-        env = VectorEnv(levels[:1], 1)
-        assert env.task.name == ("mine" if expected else "puttputt-squared")
+@pytest.mark.parametrize(
+    ("attribute", "name"),
+    [("tests.segar.tasks.test_registry:mine", "mine"), ("segar.tasks.puttputt_task:puttputt", "puttputt-squared")],
+)
+def test_levels_can_name_a_task_of_ones_own_as_an_object_or_a_function(attribute, name):
+    levels = LevelDistribution(NUMBERS, positions=APART, task=attribute).sample(1)
+    assert VectorEnv(levels, 1).task.name == name
 
 
 def test_a_given_task_goes_before_the_one_that_the_levels_name():
@@ -106,25 +105,11 @@ def test_an_action_range_of_unequal_lengths_is_refused_with_both():
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, None, "2"])
-@pytest.mark.parametrize(
-    ("task", "option"),
-    [
-        *[
-            (task, name)
-            for task in ("puttputt", "invisiball")
-            for name in ("impulse", "goal_distance", "death_penalty")
-        ],
-        ("billiards", "impulse"),
-        ("billiards", "death_penalty"),
-    ],
-)
+@pytest.mark.parametrize("task", ["puttputt", "invisiball", "billiards"])
+@pytest.mark.parametrize("option", ["impulse", "death_penalty", "goal_distance", "goal_speed"])
 def test_options_of_built_in_tasks_are_finite_numbers(task, option, value):
-    with pytest.raises(SegarError, match=rf"{option} must be a finite number, not {value!r}"):
-        TASKS[task](**{option: value})
-
-
-def test_a_goal_speed_is_a_finite_number_or_none():
-    assert segar.puttputt(goal_speed=None).name == segar.puttputt(goal_speed=0.5).name
-    for value in (np.nan, np.inf):
-        with pytest.raises(SegarError, match="goal_speed must be a finite number"):
-            segar.puttputt(goal_speed=value)
+    if (option, value) == ("goal_speed", None):
+        assert segar.puttputt(goal_speed=None).name == segar.puttputt(goal_speed=0.5).name
+    elif option[:4] != "goal" or task != "billiards":
+        with pytest.raises(SegarError, match=rf"{option} must be a finite number, not {value!r}"):
+            TASKS[task](**{option: value})
