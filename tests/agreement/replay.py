@@ -9,28 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from segar import Acceleration, Charge, Factor, Friction, Magnetism, Mass, Mobile, Position, Size, Velocity
 from segar.engine.simulator import Simulator, State
 from segar.language.effects import Differential
 from segar.language.entities import Entity, GlobalFriction, Hole, Object, Tile
-from segar.language.factors import (
-    Acceleration,
-    Alive,
-    Charge,
-    Done,
-    Factor,
-    Friction,
-    Heat,
-    InfiniteEnergy,
-    Magnetism,
-    Mass,
-    Mobile,
-    Order,
-    Position,
-    Size,
-    StoredEnergy,
-    Velocity,
-    Visible,
-)
+from segar.language.factors import Alive, Done, Heat, InfiniteEnergy, Order, StoredEnergy, Visible
 from segar.language.layout import Layout, Slot
 from segar.language.shapes import CIRCLE, HULL
 from segar.language.signature import Action
@@ -168,15 +151,7 @@ def _row(recording: Recording, place: int, entity: dict[str, Any]) -> np.ndarray
 
 def _parameters(recording: Recording) -> list[float]:
     given = recording.meta["parameters"]
-    named = {
-        "Gravity": given["Gravity"],
-        "FloorFriction": given["Friction"],
-        "WallDamping": given["WallDamping"],
-        "MinMass": given["MinMass"],
-        "MaxVelocity": given["MaxVelocity"],
-        "MinVelocity": given["MinVelocity"],
-        "Framerate": 1.0 / given["Time"],
-    }
+    named = {**given, "FloorFriction": given["Friction"], "Framerate": 1.0 / given["Time"]}
     return [named[p.__name__] for p in LAYOUT.parameters]
 
 
@@ -186,13 +161,7 @@ def _task() -> Task:
     def push(body: Object, action: Action) -> Differential[Velocity]:
         return Differential[Velocity](body[Velocity], action[0])
 
-    def nothing(body: Object) -> float:
-        return 0.0
-
-    def never(body: Object) -> bool:
-        return body[Mass] < 0
-
-    return Task("replay", push, nothing, never, never, never, action_low=(0.0,), action_high=(1.0,))
+    return Task("replay", push, action_low=(0.0,), action_high=(1.0,))
 
 
 CHAOTIC = {"Billiards": 200}  # sub-steps after which many-body chaos has amplified rounding errors

@@ -6,21 +6,9 @@ sections 6 to 8.
 
 from typing import Tuple  # as the paper writes rules
 
+from segar import Acceleration, Charge, Friction, Magnetism, Mass, Mobile, Position, Velocity
 from segar.language.effects import Aggregate, SetFactor
-from segar.language.factors import (
-    Acceleration,
-    Charge,
-    Collides,
-    Friction,
-    Heat,
-    InfiniteEnergy,
-    Magnetism,
-    Mass,
-    Mobile,
-    Position,
-    StoredEnergy,
-    Velocity,
-)
+from segar.language.factors import Collides, Heat, InfiniteEnergy, StoredEnergy
 from segar.language.parameters import Gravity
 from segar.language.relations import is_on
 from segar.language.rule_definition import rule

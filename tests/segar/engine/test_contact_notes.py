@@ -5,23 +5,12 @@ from typing import Tuple  # as the paper writes rules
 import numpy as np
 import pytest
 
+from segar import Count, Mass, Mobile, Position, Scalar, Size, Vector, Velocity
 from segar.engine.simulator import Simulator
 from segar.errors import ConflictError, RuleError
 from segar.language.effects import Aggregate, SetFactor
 from segar.language.entities import Ball, Bumper, GoalTile, GolfBall, Object
-from segar.language.factors import (
-    ID,
-    Count,
-    Label,
-    Mass,
-    Mobile,
-    Position,
-    Scalar,
-    Size,
-    StoredEnergy,
-    Vector,
-    Velocity,
-)
+from segar.language.factors import ID, Label, StoredEnergy
 from segar.language.parameters import WallDamping
 from segar.language.relations import is_equal
 from segar.language.rule_definition import rule

@@ -9,24 +9,11 @@ import numpy as np
 import pytest
 
 import segar.language.random
+from segar import Acceleration, Charge, Friction, Magnetism, Mass, Mobile, Position, Scalar, Size, Velocity
 from segar.errors import ConflictError, RuleError, SegarError
 from segar.language.effects import Aggregate, Differential, SetFactor
 from segar.language.entities import Ball, Entity, GoalTile, GolfBall
-from segar.language.factors import (
-    ID,
-    Acceleration,
-    Charge,
-    Friction,
-    Label,
-    Magnetism,
-    Mass,
-    Mobile,
-    Position,
-    Scalar,
-    Size,
-    StoredEnergy,
-    Velocity,
-)
+from segar.language.factors import ID, Label, StoredEnergy
 from segar.language.parameters import Gravity, MaxVelocity, MinMass, Parameter
 from segar.language.relations import is_equal, is_on, overlaps, relation
 from segar.language.rule_definition import rule, value_rule

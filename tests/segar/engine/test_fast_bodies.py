@@ -1,6 +1,5 @@
 """Nothing passes another thing unseen in levels that are accepted, and the numbers that a refusal names are enough."""
 
-import dataclasses
 import re
 
 import numpy as np
@@ -28,11 +27,7 @@ def level(sizes, speed, rate=100.0, tile=None, mobile=True):
         segar.Ball({segar.Size: sizes[1], segar.Position: (0.0, 0.9), Mobile: mobile}),
     ]
     tile = tile or segar.GoalTile({segar.Size: 0.3, segar.Position: (0.0, -0.9)})
-    made = Levels.from_entities([[*balls, tile]])
-    parameters = made.parameters.copy()
-    for parameter, value in ((MaxVelocity, speed), (Framerate, rate)):
-        parameters[:, made.layout.parameters.index(parameter)] = value
-    return dataclasses.replace(made, parameters=parameters)
+    return Levels.from_entities([[*balls, tile]], {MaxVelocity: speed, Framerate: rate})
 
 
 def push(v: segar.Velocity, action: segar.Action) -> segar.Differential[segar.Velocity]:

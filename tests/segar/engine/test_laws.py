@@ -5,19 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from segar import Acceleration, Charge, Magnetism, Mass, Position, Size, Velocity
 from segar.engine.simulator import State
-from segar.language.factors import (
-    Acceleration,
-    Charge,
-    Drag,
-    InfiniteEnergy,
-    Magnetism,
-    Mass,
-    Position,
-    Size,
-    StoredEnergy,
-    Velocity,
-)
+from segar.language.factors import Drag, InfiniteEnergy, StoredEnergy
 from segar.language.factors import Friction as Mu
 from segar.language.parameters import FloorFriction, MaxVelocity
 from segar.levels.level_set import Levels

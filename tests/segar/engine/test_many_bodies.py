@@ -44,10 +44,10 @@ def crowd(count: int, rng: np.random.Generator, size: float = 0.2, speed: float 
 
 @pytest.mark.parametrize("speed", [1.0, *(pytest.param(speed, marks=pytest.mark.slow) for speed in (0.0, 30.0))])
 def test_kernel_and_interpreter_agree_on_crowds(speed):
-    levels = crowd(BODIES, np.random.default_rng(1), speed=speed)
+    levels = crowd(BODIES, np.random.default_rng(1), speed=speed, levels=2)
     simulator = uncompiled(World(), levels.layout)
     state = start(levels)
-    for _ in range(4):
+    for _ in range(3):
         found = compare(simulator, levels, state)
         assert found.worst <= 1e-12 and found.worst_crowded <= 1e-6, found
         simulator.step(state, levels)
@@ -95,7 +95,7 @@ def test_quiet_partners_count_as_often_as_they_are_there(rules):
         levels = crowd(count, np.random.default_rng(count))
         simulator = uncompiled(World(rules), levels.layout)
         state = start(levels)
-        for _ in range(3):
+        for _ in range(2):
             found = compare(simulator, levels, state)
             assert found.worst <= 1e-12, found
             simulator.step(state, levels)

@@ -6,29 +6,11 @@ import numpy as np
 import pytest
 
 import segar.language.random
+from segar import Charge, Friction, Mass, Mobile, Position, Scalar, Shape, Size, Velocity
 from segar.errors import RuleError
 from segar.language.effects import Aggregate, Differential, SetFactor
 from segar.language.entities import Ball, Bumper, Entity, GoalTile, GolfBall, Hole, SandTile, Tile
-from segar.language.factors import (
-    ID,
-    Alive,
-    Charge,
-    Done,
-    Friction,
-    Heat,
-    InfiniteEnergy,
-    Label,
-    Mass,
-    Mobile,
-    Order,
-    Position,
-    Scalar,
-    Shape,
-    Size,
-    StoredEnergy,
-    Velocity,
-    Visible,
-)
+from segar.language.factors import ID, Alive, Done, Heat, InfiniteEnergy, Label, Order, StoredEnergy, Visible
 from segar.language.parameters import Framerate, Parameter
 from segar.language.relations import is_equal, is_on, relation
 from segar.language.rule_definition import rule

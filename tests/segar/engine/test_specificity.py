@@ -97,7 +97,7 @@ def where_(relation: Any, value: float) -> Rule:
     return rule(relation=relation)(conditioned)
 
 
-RANKED = [  # each rule and the size that it sets; each beats all before it
+RANKED = [  # each rule and the size that it sets; each beats the one before it
     (rule(on_factors), 0.1),
     (where_(is_light, 0.5), 0.5),
     (where_(is_equal(Mobile, True), 0.6), 0.6),
@@ -115,7 +115,7 @@ LEVELS = Levels.from_entities([[GolfBall(), GoalTile({Position: (0.8, 0.8)})]])
 @pytest.mark.parametrize("engine", ["interpreter", "source"])
 def test_of_two_rules_the_more_specific_one_wins_in_either_order(engine):
     assert [r.priority for r, _ in RANKED] == sorted({r.priority for r, _ in RANKED})
-    for (weaker, _), (stronger, size) in itertools.combinations(RANKED, 2):
+    for (weaker, _), (stronger, size) in itertools.pairwise(RANKED):
         for rules in ([weaker, stronger], [stronger, weaker]):
             state = after(engine, rules, LEVELS)
             assert read(state, LEVELS, Size)[0, 0] == size, (weaker, stronger)

@@ -3,24 +3,15 @@
 import numpy as np
 import pytest
 
-from segar import (
-    Ball,
-    LevelDistribution,
-    Mass,
-    Object,
-    Position,
-    Prior,
-    RandomUniformLocation,
-    RuleError,
-    SetFactor,
-    Task,
-    Velocity,
-    World,
-)
+from segar import Ball, Mass, Object, Position, SetFactor, Task, Velocity
+from segar.engine import StepResult
+from segar.errors import RuleError
 from segar.language import Best, Done, Every, FloorFriction, Hole, StoredEnergy
 from segar.language.rule_definition import rule, value_rule
 from segar.language.signature import Action
-from segar.noise import DiscreteRangeNoise
+from segar.levels import LevelDistribution, Prior
+from segar.noise import DiscreteRangeNoise, RandomUniformLocation
+from segar.rules import World
 from tests.segar.engine.worlds import compare, random_states, read, uncompiled
 
 SOME = LevelDistribution(
@@ -51,18 +42,12 @@ def all_done(body: Object, ball: Every[Ball]) -> bool:
     return body[Mass] > 1 and ball[Done]
 
 
-def never(body: Object) -> bool:
-    return body[Mass] < 0
+TASK = Task("several", (push, gain), (nearness, fee), all_done, action_low=(0.0,), action_high=(1.0,), sub_steps=1)
 
 
-TASK = Task(
-    "several", (push, gain), (nearness, fee), all_done, never, never, action_low=(0.0,), action_high=(1.0,), sub_steps=1
-)
-
-
-def states_and_outcome():
-    from segar.engine.simulator import StepResult
-
+@pytest.fixture(scope="module")
+def played():
+    """The simulator, the states before and after a step, its outcome, and the actions."""
     state = random_states(SOME, 300, np.random.default_rng(0), speed=0.1)
     read(state, SOME, Done)[::3] = 1.0
     outcome = StepResult.empty(300)
@@ -79,8 +64,8 @@ def present(state, slot_type: type) -> np.ndarray:
     return np.isin(types, kinds)
 
 
-def test_the_best_value_counts_and_the_terms_of_a_reward_add_up():
-    _, _, state, outcome, _ = states_and_outcome()
+def test_the_best_value_counts_and_the_terms_of_a_reward_add_up(played):
+    _, _, state, outcome, _ = played
     x = read(state, SOME, Position)
     ball, hole, body = (present(state, kind) for kind in (Ball, Hole, Object))
     distance = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1)
@@ -92,20 +77,18 @@ def test_the_best_value_counts_and_the_terms_of_a_reward_add_up():
     assert 0 < counted.any(axis=1).mean() < 1
 
 
-def test_every_one_must_hold_and_there_must_be_one():
-    _, _, state, outcome, _ = states_and_outcome()
+def test_every_one_must_hold_and_there_must_be_one(played):
+    _, _, state, outcome, _ = played
     ball, body = present(state, Ball), present(state, Object)
     done, heavy = read(state, SOME, Done) == 1, read(state, SOME, Mass) > 1
-    expected = np.zeros(len(ball), bool)
-    for e in range(len(ball)):
-        for i in np.flatnonzero(body[e] & heavy[e]):
-            others = [k for k in np.flatnonzero(ball[e]) if k != i]
-            expected[e] |= bool(others) and all(done[e, k] for k in others)
+    others = ball[:, None] & ~np.eye(ball.shape[1], dtype=bool)  # beside each body
+    holds = others.any(axis=2) & (done[:, None] | ~others).all(axis=2)
+    expected = (body & heavy & holds).any(axis=1)
     assert np.array_equal(outcome.terminated, expected) and 0 < expected.mean() < 1
 
 
-def test_each_rule_of_an_action_acts_on_what_it_matches():
-    _, before, state, _, _ = states_and_outcome()
+def test_each_rule_of_an_action_acts_on_what_it_matches(played):
+    _, before, state, _, _ = played
     ball = present(state, Ball)
     assert np.array_equal(read(state, SOME, StoredEnergy)[ball], read(before, SOME, Mass)[ball])
     moved = read(state, SOME, Velocity) - read(before, SOME, Velocity)
@@ -113,8 +96,8 @@ def test_each_rule_of_an_action_acts_on_what_it_matches():
     np.testing.assert_allclose(moved[present(state, Object) & away_from_walls], 0.5, atol=1e-12)
 
 
-def test_the_interpreter_agrees():
-    simulator, before, _, _, actions = states_and_outcome()
+def test_the_interpreter_agrees(played):
+    simulator, before, _, _, actions = played
     assert compare(simulator, SOME, before, actions).worst < 1e-12
 
 

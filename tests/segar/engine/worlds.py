@@ -7,23 +7,11 @@ from unittest import mock
 
 import numpy as np
 
+from segar import Acceleration, Charge, Magnetism, Mass, Mobile, Position, Velocity
 from segar.engine.compiler.running_kernel import RunningKernel
 from segar.engine.simulator import Simulator, State, StepResult
 from segar.errors import ConflictError, RuleError
-from segar.language.factors import (
-    Acceleration,
-    Alive,
-    Charge,
-    Done,
-    Drag,
-    InfiniteEnergy,
-    Magnetism,
-    Mass,
-    Mobile,
-    Position,
-    StoredEnergy,
-    Velocity,
-)
+from segar.language.factors import Alive, Done, Drag, InfiniteEnergy, StoredEnergy
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
 from segar.rules.world import World

@@ -73,14 +73,7 @@ def test_the_agent_is_what_actions_move():
     def push_all(o: Tuple[segar.Mass, segar.Velocity], action: segar.Action) -> segar.SetFactor[segar.Velocity]:
         return segar.SetFactor[segar.Velocity](o[1], o[1] + segar.language.VectorValue(action[0], action[1]))
 
-    def never(ball: GolfBall) -> bool:
-        return ball[Mass] < 0
-
-    def nothing(ball: GolfBall) -> float:
-        return 0.0 * ball[Mass]
-
-    task = segar.Task("push all", push_all, nothing, never, never, never)
-    scene = scene_of(GolfBall(), GoalTile(), Ball({Position: (0.5, 0.5)}), task=task)
+    scene = scene_of(GolfBall(), GoalTile(), Ball({Position: (0.5, 0.5)}), task=segar.Task("push all", push_all))
     assert {figure.name for figure in scene.figures if figure.is_agent} == {"golfball", "ball"}
 
 

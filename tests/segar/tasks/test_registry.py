@@ -55,6 +55,8 @@ def test_a_file_names_a_task_but_brings_no_code(tmp_path):
     levels.save(tmp_path / "mine.npz")
     loaded = Levels.load(tmp_path / "mine.npz")
     assert loaded.task == levels.task
+    segar.family("billiards").sample(1).save(tmp_path / "tables.npz")
+    assert VectorEnv(Levels.load(tmp_path / "tables.npz"), 1).task.name == "billiards-distance"
     with pytest.raises(SegarError, match=r"the task 'tests\..*test_registry:mine' is not built in.* by task="):
         VectorEnv(loaded, 1)
     assert VectorEnv(loaded, 1, task=mine).task.name == "mine"
