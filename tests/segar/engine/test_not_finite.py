@@ -90,15 +90,13 @@ def test_a_reward_that_is_not_finite_is_told_although_the_state_is():
 
 
 def test_a_conflict_is_told_before_numbers_that_are_not_finite():
-    @segar.rule
-    def one(m: Mass, q: Charge) -> SetFactor[Mass]:
-        return SetFactor[Mass](m, 1.0 / q) if q < 5 else SetFactor[Mass](m, 2.0)
+    def divide_or(value):
+        def divided(m: Mass, q: Charge) -> SetFactor[Mass]:
+            return SetFactor[Mass](m, 1.0 / q) if q < 5 else SetFactor[Mass](m, value)
 
-    @segar.rule
-    def two(m: Mass, q: Charge) -> SetFactor[Mass]:
-        return SetFactor[Mass](m, 1.0 / q) if q < 5 else SetFactor[Mass](m, 3.0)
+        return segar.rule(divided)
 
-    env = environments(levels_of(0.0, 9.0, rules=[one, two]))
+    env = environments(levels_of(0.0, 9.0, rules=[divide_or(2.0), divide_or(3.0)]))
     with pytest.raises(segar.ConflictError, match="environment 1: "):
         env.step(STILL)
 

