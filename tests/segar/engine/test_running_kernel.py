@@ -62,9 +62,14 @@ def test_machine_code_takes_over_while_episodes_go_on(anew, monkeypatch, capfd):
     assert (played(at_once), played(at_once)) == (first, second)
 
 
-def test_a_short_program_compiles_nothing(anew, monkeypatch, capfd):
+def test_a_short_program_compiles_nothing_and_no_sub_steps_are_as_quick_as_any(anew, monkeypatch, capfd):
     monkeypatch.setenv(PATIENCE, "1000")
-    played(env_of())
+    env = env_of()
+    played(env)
+    state = env.state().state
+    values = state.values.copy()
+    env.simulator.step(state, env.levels, 0)
+    assert state.values.tobytes() == values.tobytes()
     assert kernel().is_python and kernel()._compiler is None and not capfd.readouterr().err
 
 
@@ -111,15 +116,6 @@ def test_what_a_step_that_ends_in_an_exception_has_written_is_taken_back(anew, m
         with pytest.raises(KeyboardInterrupt):
             played(env, 1)
     assert played(env, 3) == expected
-
-
-def test_no_sub_steps_are_as_quick_as_any(anew, monkeypatch):
-    monkeypatch.setenv(PATIENCE, "1000")
-    env = env_of()
-    state = env.state().state
-    values = state.values.copy()
-    env.simulator.step(state, env.levels, 0)
-    assert kernel().is_python and state.values.tobytes() == values.tobytes()
 
 
 def test_a_patience_that_is_no_number_is_refused(anew, monkeypatch):

@@ -1,11 +1,7 @@
 """The order of a step is said once: kernel and interpreter both follow it, also where it is another one."""
 
-import ast
-from pathlib import Path
-
 import pytest
 
-import segar
 from segar.engine.compiler import kernel
 from segar.engine.compiler.kernel import stage_source
 from segar.language import SUB_STEP, Operation, rule
@@ -73,13 +69,3 @@ def test_every_effect_counts_in_one_stage_and_those_of_a_rechecked_rule_in_two()
         assert names == [stage]
         twice = [s.name for s in applying if s.counts(again, SetFactor, factor)]
         assert twice == (["position"] if factor is Position else ["factors", "velocity"])
-
-
-def test_the_engine_and_the_interpreter_know_no_task_and_no_built_in_physics():
-    root = Path(segar.__file__).parent
-    for path in [*(root / "engine").rglob("*.py"), *(root / "reference").rglob("*.py")]:
-        nodes = list(ast.walk(ast.parse(path.read_text())))
-        names = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
-        names += [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
-        known = [name for name in names if name.startswith(("segar.tasks", "segar.rules"))]
-        assert not known, f"{path} imports {known}"

@@ -15,7 +15,7 @@ from segar.errors import ConflictError, FactorError, LevelError, PriorError, Rul
 from segar.language import Visible
 from segar.levels import Levels, active_options, family, rules_in_words, shared_rule_sets
 from segar.noise import Bernoulli, Choice, DiscreteRangeNoise, GaussianNoise, LogUniform, UniformNoise
-from segar.rules import RuleOption, RuleSpace, World, constant, lorentz_law
+from segar.rules import RuleOption, RuleSpace, World, constant
 from segar.rules.rule_option import same_options
 from segar.rules.templates import central_force, dynamics_space, hiding, law_space, portal, sharing, uniform_field
 
@@ -355,14 +355,6 @@ class Sourness(segar.Scalar, default=0.0): ...
 def test_bad_input_is_told(make, error, said):
     with pytest.raises(error, match=said):
         make()
-
-
-def test_unknown_parameters_are_told_at_the_kernel():
-    levels = EMPTY.sample(1)
-    with pytest.raises(RuleError, match="no value is known for the world parameter lorentz_active"):
-        segar.envs.VectorEnv(
-            Levels(**{**vars(levels), "world": World(RuleSpace([RuleOption("lorentz", lorentz_law)], 1, always=()))}), 1
-        )
 
 
 def test_a_rule_may_be_in_two_options_that_exclude_each_other():

@@ -5,7 +5,6 @@ import pytest
 
 import segar
 from segar.envs import Env, VectorEnv
-from segar.observations.state.state_vector import StateVector
 from segar.rendering import View
 from tests.segar.tasks.play import at_random, by_script, episodes
 
@@ -16,11 +15,6 @@ WHITE = (255, 255, 255)
 
 def actions(step: int, num_envs: int = 16) -> np.ndarray:
     return np.random.default_rng(step).uniform(-1, 1, (num_envs, 2)).astype(np.float32)
-
-
-def drawn(levels: segar.Levels, slot: int, factor: type) -> np.ndarray:
-    column = levels.layout.columns[factor]
-    return levels.sampled_values[:, slot, column : column + factor.width]
 
 
 def test_the_ball_is_invisible_from_the_first_action_on():
@@ -45,32 +39,6 @@ def test_physics_and_reward_are_those_of_puttputt():
             assert np.array_equal(x, y)
         for name in set(a[4]["factors"]) - {"Visible"}:
             np.testing.assert_array_equal(a[4]["factors"][name], b[4]["factors"][name])
-
-
-def test_pixels_show_the_ball_before_the_first_action_and_never_after():
-    env = VectorEnv(LEVELS, 16, observation="rgb", seed=0, autoreset_mode="Disabled")
-    frames = env.reset(seed=0)[0]
-    assert (frames == WHITE).all(axis=-1).any(axis=(1, 2)).all()
-    for step in range(20):
-        frames = env.step(actions(step))[0]
-        assert not (frames == WHITE).all(axis=-1).any()
-
-
-def test_the_state_vector_shows_the_ball_unless_it_is_to_see_no_more_than_pixels_do():
-    full, partial = (
-        VectorEnv(LEVELS, 16, observation=StateVector(sees_invisible=sees), seed=0, autoreset_mode="Disabled")
-        for sees in (True, False)
-    )
-    names = StateVector().bind(LEVELS, 1).names
-    of_ball = np.array([name.startswith("golfball.") for name in names])
-    at_start = full.reset(seed=0)[0]
-    assert np.array_equal(at_start, partial.reset(seed=0)[0]) and at_start[:, of_ball].any()
-    for step in range(5):
-        all_of_it, _, _, _, info = full.step(actions(step))
-        seen = partial.step(actions(step))[0]
-        x = [names.index(f"golfball.Position.{c}") for c in "xy"]
-        np.testing.assert_allclose(all_of_it[:, x], info["factors"]["Position"][:, BALL], rtol=1e-6)
-        assert (seen[:, of_ball] == 0).all() and np.array_equal(seen[:, ~of_ball], all_of_it[:, ~of_ball])
 
 
 def test_the_ball_tells_where_it_is_by_what_it_does_to_the_chargers():
