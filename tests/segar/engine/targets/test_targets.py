@@ -16,7 +16,7 @@ from segar.engine.targets.build import COMPILED
 from segar.engine.targets.wasm_linker import leb, link, padded, signed_leb
 from segar.envs import VectorEnv, build_environment, environment_calls
 from segar.errors import ConflictError, RuleError, SegarError
-from segar.language import Ball, Charge, GoalTile, GolfBall, Mass, Position, SetFactor
+from segar.language import Ball, Charge, GoalTile, GolfBall, Position
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OneOf, Pixels, PreviousActions, PreviousStep, Stack
 from tests.places import ROOT
@@ -24,6 +24,7 @@ from tests.segar.engine.random_rules import mixed_levels, worlds_of_random_rules
 from tests.segar.engine.targets.functions import doubled, foreign
 from tests.segar.engine.targets.machines import MACHINES, Aarch64Machine, WasmMachine
 from tests.segar.engine.targets.twin import Twin
+from tests.segar.engine.test_definition import double_if_charged, halve
 from tests.segar.engine.worlds import random_states
 
 LARGEST = {"rgb": 40_000, "textures": 60_000}  # bytes of a built-in world with its frames
@@ -137,20 +138,10 @@ def test_every_sub_step_agrees_without_the_task():
     assert state.contacts.sum() > 100
 
 
-def halve(m: Mass) -> SetFactor[Mass]:
-    return SetFactor[Mass](m, m / 2)
-
-
-def double_if_charged(m: Mass, q: Charge) -> SetFactor[Mass]:
-    return SetFactor[Mass](m, m * 2) if q else None
-
-
 @pytest.mark.slow
 def test_rules_that_contradict_each_other_are_told_as_natively():
     goal = GoalTile({Position: (0.8, 0.8)})
-    calm = [GolfBall({Charge: 0.0}), goal, Ball({Position: (-0.5, 0.0)})]
-    torn = [GolfBall({Charge: 0.0}), goal, Ball({Position: (0.5, 0.0), Charge: 1.0})]
-    levels = segar.Levels.from_entities([calm, calm, torn])
+    levels = segar.Levels.from_entities([[GolfBall({Charge: 0.0}), goal, Ball({Charge: q})] for q in (0.0, 0.0, 1.0)])
     env = VectorEnv(levels, 3, world=segar.World([halve, double_if_charged]), seed=0, autoreset_mode="Disabled")
     env.reset(options={"levels": [0, 1, 2]})
     twin = Twin(env, "wasm")
