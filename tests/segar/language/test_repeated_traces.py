@@ -87,13 +87,6 @@ def in_a_reward(read):
     value_rule(reward, truth=False)
 
 
-def in_a_termination(read):
-    def over(ball: segar.GolfBall) -> bool:
-        return ball[segar.Mass] < read()
-
-    value_rule(over, truth=True)
-
-
 def in_a_task(read):
     def reward(ball: segar.GolfBall) -> float:
         return ball[segar.Mass] + read()
@@ -108,7 +101,7 @@ def in_a_dependent_law(read):
     segar.levels.Dependent(segar.UniformNoise(0, 1), shift=shift)
 
 
-PLACES = [in_a_rule, in_a_condition, in_a_relation, in_a_reward, in_a_termination, in_a_task, in_a_dependent_law]
+PLACES = [in_a_rule, in_a_condition, in_a_relation, in_a_reward, in_a_task, in_a_dependent_law]
 
 
 @pytest.mark.parametrize("define", PLACES)

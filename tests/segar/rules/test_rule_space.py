@@ -276,82 +276,86 @@ def test_a_world_keeps_its_space_when_another_field_is_replaced():
 class Sourness(segar.Scalar, default=0.0): ...
 
 
-@pytest.mark.parametrize(
-    ("make", "error", "said"),
-    [
-        (lambda: RuleSpace([]), RuleError, "needs options"),
-        (lambda: RuleSpace([push, push]), RuleError, "two options of the rule space are called 'push'"),
-        (lambda: RuleSpace([push], 2), RuleError, "2 options cannot be active: the rule space has 1"),
-        (lambda: RuleSpace([push, fade], 2, exclusive=[("push", "fade")]), RuleError, "no 2 of the 2 options"),
-        (lambda: RuleSpace([push], True), RuleError, "active must be a whole number"),
-        (lambda: RuleSpace([push], UniformNoise(0, 1)), RuleError, "distribution of whole numbers"),
-        (lambda: RuleSpace([push], 1, exclusive=[("pusch", "push")]), RuleError, "no option 'pusch'. Did you mean 'push'"),
-        (lambda: RuleOption("empty"), RuleError, "has no rule"),
-        (lambda: RuleOption(rules=[push, pull]), RuleError, r"2 rules \(push, pull\) needs a name"),
-        (lambda: RuleOption("no name", push), RuleError, "needs a name such as"),
-        (lambda: RuleOption("push", push, weight=0), RuleError, "weight must be a positive number"),
-        (lambda: RuleOption("push", push, {PULL: 1.0}), RuleError, "none of its rules takes pull_of_tests"),
-        (lambda: RuleOption("push", push, {Mass: 1.0}), RuleError, "not a world parameter class"),
-        (lambda: RuleOption("pull", pull, {PULL: 11.0}), FactorError, "is 11.0, and must be .* from 0 to 10"),
-        (lambda: RuleOption("pull", pull, {PULL: UniformNoise(5, 20)}), FactorError, "from 5 to 20; it must be"),
+BAD = {
+    RuleError: [
+        (lambda: RuleSpace([]), "needs options"),
+        (lambda: RuleSpace([push, push]), "two options of the rule space are called 'push'"),
+        (lambda: RuleSpace([push], 2), "2 options cannot be active: the rule space has 1"),
+        (lambda: RuleSpace([push, fade], 2, exclusive=[("push", "fade")]), "no 2 of the 2 options"),
+        (lambda: RuleSpace([push], True), "active must be a whole number"),
+        (lambda: RuleSpace([push], UniformNoise(0, 1)), "distribution of whole numbers"),
+        (lambda: RuleSpace([push], 1, exclusive=[("pusch", "push")]), "no option 'pusch'. Did you mean 'push'"),
+        (lambda: RuleOption("empty"), "has no rule"),
+        (lambda: RuleOption(rules=[push, pull]), r"2 rules \(push, pull\) needs a name"),
+        (lambda: RuleOption("no name", push), "needs a name such as"),
+        (lambda: RuleOption("push", push, weight=0), "weight must be a positive number"),
+        (lambda: RuleOption("push", push, {PULL: 1.0}), "none of its rules takes pull_of_tests"),
+        (lambda: RuleOption("push", push, {Mass: 1.0}), "not a world parameter class"),
         (
             lambda: RuleSpace([RuleOption("a", push, {PUSH: 1}), RuleOption("b", push, {PUSH: 1})], 2),
-            RuleError,
             "constant of the options 'a' and 'b'",
         ),
-        (lambda: RuleSpace([uniform_field(f"f{k}") for k in range(40)], 8), RuleError, "combinations, and can have"),
-        (lambda: RuleSpace([push], 1, exclusive=["push"]), RuleError, "must list groups of two or more names"),
-        (lambda: RuleSpace([push], 1, always=fade), RuleError, "a list is needed, not <rule fade"),
-        (lambda: RuleSpace(["push"], 1), RuleError, "'push' is not a plain Python function"),
-        (lambda: RuleSpace([fade], 1, always=[fade]), RuleError, r"in always= and in the option 'fade', so .* count twice"),
+        (lambda: RuleSpace([uniform_field(f"f{k}") for k in range(40)], 8), "combinations, and can have"),
+        (lambda: RuleSpace([push], 1, exclusive=["push"]), "must list groups of two or more names"),
+        (lambda: RuleSpace([push], 1, always=fade), "a list is needed, not <rule fade"),
+        (lambda: RuleSpace(["push"], 1), "'push' is not a plain Python function"),
+        (lambda: RuleSpace([fade], 1, always=[fade]), r"in always= and in the option 'fade', so .* count twice"),
         (
             lambda: RuleSpace([RuleOption("one", fade), RuleOption("two", [push, fade])], 2),
-            RuleError,
             "in the option 'one' and in the option 'two', so its effects would count twice where both hold",
         ),
-        (lambda: RuleOption("push", push, [PUSH]), RuleError, "constants must be a mapping"),
-        (lambda: RuleOption("push", push, {PUSH: 1}, words="{push}"), RuleError, "words name {push}, which is no constant"),
-        (lambda: RuleOption("push", push, words="a push {"), RuleError, "words must be a text"),
-        (lambda: RuleOption("push", push, words=3), RuleError, "words must be a text"),
-        (lambda: RuleOption("push", push, {PUSH: 1}, words="{push_of_tests:.2f}"), RuleError, "words must be a text"),
-        (lambda: World(None), RuleError, "rules must be a sequence of rules, or a RuleSpace, not None"),
-        (lambda: EMPTY.with_rules(RuleOption("push", push)), RuleError, "must be a sequence of rules, or a RuleSpace"),
-        (lambda: EMPTY.with_rules([RuleOption("push", push)]), RuleError, r"options belong to a RuleSpace\(\[...\]\)"),
-        (lambda: small_space().split("train", seed=1.0), RuleError, "seed must be a whole number, not 1.0"),
+        (lambda: RuleOption("push", push, [PUSH]), "constants must be a mapping"),
+        (lambda: RuleOption("push", push, {PUSH: 1}, words="{push}"), "words name {push}, which is no constant"),
+        (lambda: RuleOption("push", push, words="a push {"), "words must be a text"),
+        (lambda: RuleOption("push", push, words=3), "words must be a text"),
+        (lambda: RuleOption("push", push, {PUSH: 1}, words="{push_of_tests:.2f}"), "words must be a text"),
+        (lambda: World(None), "rules must be a sequence of rules, or a RuleSpace, not None"),
+        (lambda: EMPTY.with_rules(RuleOption("push", push)), "must be a sequence of rules, or a RuleSpace"),
+        (lambda: EMPTY.with_rules([RuleOption("push", push)]), r"options belong to a RuleSpace\(\[...\]\)"),
+        (lambda: small_space().split("train", seed=1.0), "seed must be a whole number, not 1.0"),
         (
             lambda: small_space().split("train", "rules", rules=["push", "pull", "fade"]),
-            RuleError,
             "leaves nothing for training of 6 combinations; name fewer rules",
         ),
-        (lambda: small_space().split("validation"), RuleError, "must be 'train' or 'test'"),
-        (lambda: small_space().split("train", "rule"), RuleError, "no by='rule'. Did you mean 'rules'"),
-        (lambda: small_space().split("train", share=1.5), RuleError, "between 0 and 1"),
-        (lambda: RuleSpace([fade], 1).split("test"), RuleError, "leaves nothing for training of 1 combinations"),
-        (lambda: small_space().split("train", rules=["push"]), RuleError, "rules= names the options of a split"),
-        (lambda: RuleSpace([fade], 1).split("test", "constants"), RuleError, "no option has a constant of more than one"),
+        (lambda: small_space().split("validation"), "must be 'train' or 'test'"),
+        (lambda: small_space().split("train", "rule"), "no by='rule'. Did you mean 'rules'"),
+        (lambda: small_space().split("train", share=1.5), "between 0 and 1"),
+        (lambda: RuleSpace([fade], 1).split("test"), "leaves nothing for training of 1 combinations"),
+        (lambda: small_space().split("train", rules=["push"]), "rules= names the options of a split"),
+        (lambda: RuleSpace([fade], 1).split("test", "constants"), "no option has a constant of more than one"),
         (
             lambda: RuleSpace([RuleOption("push", push, {PUSH: GaussianNoise(0, 1)})], 1).split("test", "constants"),
-            RuleError,
             "cannot be cut",
         ),
         (
             lambda: EMPTY.with_rules(RuleSpace([central_force("sour", Sourness, Mass)], 1)),
-            RuleError,
             "option 'sour' .* needs an entity with Position, Sourness",
         ),
-        (lambda: central_force("wrong", Position, Mass), RuleError, "takes factors that are numbers"),
+        (lambda: central_force("wrong", Position, Mass), "takes factors that are numbers"),
+        (lambda: push.where_active(PUSH).where_active(PULL), "holds only where push_of_tests is not 0"),
+        (lambda: World(limit=segar.rules.speed_limit.where_active(PUSH)), "limit holds in every level"),
+    ],
+    FactorError: [
+        (lambda: RuleOption("pull", pull, {PULL: 11.0}), "is 11.0, and must be .* from 0 to 10"),
+        (lambda: RuleOption("pull", pull, {PULL: UniformNoise(5, 20)}), "from 5 to 20; it must be"),
+    ],
+    PriorError: [
         (
             lambda: segar.LevelDistribution(
                 [(segar.GolfBall, 1)], [segar.Prior(PUSH, 1.0)], world=World(small_space())
             ),
-            PriorError,
             "push_of_tests is drawn by the rule space",
         ),
-        (lambda: rules_in_words(EMPTY.sample(1), 0), LevelError, "have one world for all"),
-        (lambda: push.where_active(PUSH).where_active(PULL), RuleError, "holds only where push_of_tests is not 0"),
-        (lambda: World(limit=segar.rules.speed_limit.where_active(PUSH)), RuleError, "limit holds in every level"),
     ],
-)  # fmt: skip
+    LevelError: [
+        (lambda: rules_in_words(EMPTY.sample(1), 0), "have one world for all"),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "said"), [(make, error, said) for error, rows in BAD.items() for make, said in rows]
+)
 def test_bad_input_is_told(make, error, said):
     with pytest.raises(error, match=said):
         make()

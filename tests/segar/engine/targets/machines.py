@@ -56,7 +56,7 @@ class Machine:
     whole = "int64"  # the type of whole numbers in calls
 
     def __init__(self) -> None:
-        self.arrays: dict[str, np.ndarray] = {}
+        self.places: dict[str, tuple[int, Any, tuple[int, ...]]] = {}
 
     def allocate(self, size: int) -> int:
         """The address of so many bytes."""
@@ -78,10 +78,6 @@ class Machine:
         for name, array in arrays.items():
             self[name][...] = array
 
-    @property
-    def places(self) -> dict[str, tuple[int, Any, tuple[int, ...]]]:
-        return self.__dict__.setdefault("_places", {})
-
     def __getitem__(self, name: str) -> np.ndarray:
         address, dtype, shape = self.places[name]
         return self.view(address, np.empty(shape, dtype))
@@ -90,17 +86,11 @@ class Machine:
         self, entry: Entry, names: Mapping[str, str], sizes: Mapping[str, int], numbers: Mapping[str, Any], stop: int
     ) -> None:
         """Call an entry for things 0 to ``stop - 1``; ``names`` says which array each argument is, its own by default."""
-        self.run(entry.name, self.given(entry, names, sizes, numbers, stop))
-
-    def given(
-        self, entry: Entry, names: Mapping[str, str], sizes: Mapping[str, int], numbers: Mapping[str, Any], stop: int
-    ) -> list[Any]:
-        """The arguments of such a call."""
         given = [0, stop, *(sizes[size] for size in entry.sizes)]
         for argument in entry.arguments:
             name = argument.name
             given.append(numbers[name] if argument.shape is None else self.places[names.get(name, name)][0])
-        return given
+        self.run(entry.name, given)
 
 
 class WasmMachine(Machine):
