@@ -5,11 +5,10 @@ from typing import Tuple
 import numpy as np
 import pytest
 
-import segar
 from segar.engine.compiler import kernel
 from segar.engine.compiler.kernel import MANY_BODIES
 from segar.engine.compiler.sparse_pairs import MANY_PARTNERS
-from segar.engine.simulator import Simulator, State
+from segar.engine.simulator import State
 from segar.language.effects import Aggregate, Differential, SetFactor
 from segar.language.entities import Ball, GoalTile, GolfBall
 from segar.language.factors import Acceleration, Charge, Mass, Mobile, Position, Size, StoredEnergy, Velocity
@@ -132,26 +131,3 @@ def test_fixed_bodies_that_overlap_stay_and_cost_nothing():
     levels, state = pair_at_rest(0.1, first_mobile=False, second_mobile=False)
     np.testing.assert_array_equal(read(state, levels, Position)[0, 2:4, 0], [0.0, 0.1])
     assert state.contacts[0] == 0 and state.unresolved_contacts[0] == 0
-
-
-@pytest.mark.slow
-def test_a_crowd_neither_overlaps_nor_leaves_the_arena():
-    dist = segar.LevelDistribution(
-        numbers=[(GolfBall, 1), (GoalTile, 1), (Ball, 30)],
-        priors=[
-            segar.Prior(Position, segar.RandomUniformLocation()),
-            segar.Prior(Size, 0.1),
-            segar.Prior(Mobile, True),
-        ],
-        min_distance=0.0,
-    )
-    levels = dist.sample(20, seed=0)
-    simulator, state = Simulator(World(), levels.layout), start(levels)
-    velocities = read(state, levels, Velocity)
-    velocities[~np.isnan(velocities)] = np.random.default_rng(0).normal(0, 2, (~np.isnan(velocities)).sum())
-    for _ in range(200):
-        before = state.unresolved_contacts.copy()
-        simulator.step(state, levels)
-        overlap, outside = depths(state, levels)
-        assert overlap[state.unresolved_contacts == before].max() < OVERLAP and outside.max() < OVERLAP
-    assert state.contacts.sum() > 1000

@@ -160,13 +160,8 @@ def test_relations_combine_by_and_and_or(engine):
         return Aggregate[Tally](t, 1.0)
 
     heavy, charged = is_equal(Mass, 2.0), is_equal(Charge, 1.0)
-    kettles = [
-        Kettle({Mass: 2.0, Charge: 1.0, Position: (-0.5, 0.5), ID: "both"}),
-        Kettle({Mass: 2.0, Position: (0.0, 0.5), ID: "heavy"}),
-        Kettle({Charge: 1.0, Position: (0.5, 0.5), ID: "charged"}),
-        Kettle({Position: (0.0, -0.5), ID: "neither"}),
-    ]
-    levels = level(*kettles)
+    kinds = [(2.0, 1.0), (2.0, 0.0), (1.0, 1.0), (1.0, 0.0)]
+    levels = level(*(Kettle({Mass: m, Charge: q, Position: (m - 1.5, q - 0.5), ID: f"{m} {q}"}) for m, q in kinds))
     both = read(after(engine, [rule(relation=heavy & charged)(count)], levels), levels, Tally)[0, 2:6]
     either = read(after(engine, [rule(relation=heavy | charged)(count)], levels), levels, Tally)[0, 2:6]
     assert list(both) == [1, 0, 0, 0] and list(either) == [1, 1, 1, 0]

@@ -59,6 +59,7 @@ PLANE = [
     sn.Mixture([sn.RandomTopLocation(), sn.GaussianNoise2D((0, 0), (0.3, 0.5))], [0.25, 0.75]),
     sn.Mixture([sn.CenterLocation(), sn.RandomMiddleLocation()]),
     sn.Empirical([(0.1, 0.2), (-0.3, 0.4), (-0.3, 0.4)]),
+    sn.Choice([(0.0, 0.0), (1.0, 2.0)], [0.25, 0.75]),
 ]
 every_distribution = pytest.mark.parametrize("distribution", LINE, ids=repr)
 every_plane_distribution = pytest.mark.parametrize("distribution", PLANE, ids=repr)
@@ -238,13 +239,6 @@ def test_distances_of_boxes_on_the_plane_are_exact():
 def test_the_w2_of_plane_gaussians_is_that_of_means_and_deviations():
     a, b = sn.GaussianNoise2D((0.0, 0.0), (1.0, 2.0)), sn.GaussianNoise2D((3.0, 4.0), (2.0, 4.0))
     assert a.w2(b) == pytest.approx(math.sqrt(25.0 + 1.0 + 4.0))
-
-
-def test_a_choice_of_points_is_a_distribution_on_the_plane():
-    distribution = sn.Choice([(0.0, 0.0), (1.0, 2.0)], [0.25, 0.75])
-    assert distribution.width == 2 and distribution.sample(np.random.default_rng(0), 5).shape == (5, 2)
-    assert np.allclose(distribution.mean, [0.75, 1.5])
-    assert distribution.cdf([0.5, 5.0]) == 0.25
 
 
 def test_one_draw_without_size_is_a_number():

