@@ -182,12 +182,8 @@ def test_notes_that_disagree_are_an_error_that_names_environment_entity_factor_a
         interpreter.step(levels, 1, n=3)
 
 
-def note_walls_and_bodies(drum: Drum, other: Object, wall: Wall) -> SetFactor[Hits]:
-    return None
-
-
-def note_without_a_wall(n: Hits) -> SetFactor[Hits]:
-    return None
+def note_walls_and_bodies(drum: Drum, other: Object, wall: Wall) -> SetFactor[Hits]: ...
+def note_without_a_wall(n: Hits) -> SetFactor[Hits]: ...
 
 
 def note_a_rate(drum: Drum, other: Object) -> Aggregate[Hits]:

@@ -62,7 +62,6 @@ PLANE = [
     sn.Choice([(0.0, 0.0), (1.0, 2.0)], [0.25, 0.75]),
 ]
 every_distribution = pytest.mark.parametrize("distribution", LINE, ids=repr)
-every_plane_distribution = pytest.mark.parametrize("distribution", PLANE, ids=repr)
 
 
 def draws(distribution: sn.Noise, count: int = DRAWS) -> np.ndarray:
@@ -196,7 +195,7 @@ def test_a_constant_can_stand_for_a_distribution_in_distances():
     assert distribution.ks(0.25) == pytest.approx(0.75)
 
 
-@every_plane_distribution
+@pytest.mark.parametrize("distribution", PLANE, ids=repr)
 def test_on_the_plane_the_share_of_draws_below_is_the_cdf(distribution):
     x = draws(distribution, MANY_DRAWS)
     corners = np.random.default_rng(1).uniform(-1, 1, (40, 2))
@@ -287,7 +286,6 @@ def test_one_draw_without_size_is_a_number():
         (lambda: sn.Choice([1, 2], ["a", 1]), "probabilities must be a list of numbers"),
         (lambda: sn.Mixture(sn.Bernoulli(0.5)), "Mixture: laws must be a list"),
         (lambda: sn.GaussianMixtureNoise(0.0, 1.0), "means must be a list, not 0.0"),
-        (lambda: sn.GaussianMixtureNoise(["x"], [1.0]), "mean must be a finite number, not 'x'"),
         (lambda: sn.DiscreteRangeNoise(0, math.inf), "low and high must be whole numbers"),
         (lambda: sn.UniformNoise("0", 1.0), r"must be two numbers \(low, high\)"),
         (lambda: sn.GaussianNoise(0.0, 1.0, clip=(math.nan, 1.0)), r"clip must be two numbers \(low, high\)"),

@@ -28,13 +28,11 @@ def a_set(models: int = 2, period: int = 3, **changes) -> TextureSet:
 def test_a_patch_is_the_formula_pixel_by_pixel():
     textures, features = a_set(), np.array([0.0, 0.3, -1.2, 1.0, 0.4])
     patch = textures.patches(features, 1)
-    for row in range(3):
-        for column in range(3):
-            for channel in range(3):
-                y = float(textures.bias[1, row, column, channel])
-                for i, feature in enumerate(features):
-                    y += feature * float(textures.weights[1, i, row, column, channel])
-                assert patch[row, column, channel] == int(255 * (np.tanh(y) + 1) / 2)
+    for place in np.ndindex(3, 3, 3):
+        y = float(textures.bias[1][place])
+        for weights, feature in zip(textures.weights[1], features, strict=True):
+            y += feature * float(weights[place])
+        assert patch[place] == int(255 * (np.tanh(y) + 1) / 2)
 
 
 def test_a_clipped_texture_reaches_black_and_white_and_no_further():
