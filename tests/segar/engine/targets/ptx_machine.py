@@ -23,7 +23,6 @@ ORDERED = {"lt": "olt", "le": "ole", "gt": "ogt", "ge": "oge", "eq": "oeq", "ne"
 UNORDERED = {f"{name}u": f"u{code[1:]}" for name, code in ORDERED.items() if code[0] == "o" and name not in ("num",)}
 ROUNDED = {"rni": "roundeven", "rmi": "floor", "rpi": "ceil", "rzi": "trunc"}
 ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-SIMPLE = {"add": "add", "sub": "sub", "and": "and", "or": "or", "xor": "xor"}
 
 
 class UnknownPTX(Exception):
@@ -368,7 +367,7 @@ class _Translation:
         return None
 
     def arithmetic(self, parts: list[str], operands: list[str]) -> Any:
-        """add, sub, mul, div, and, or, xor."""
+        """add, sub, and, or, xor, div, rem; mul of floating-point numbers."""
         name, kind = parts[0], parts[-1]
         to, x, y = operands
         if kind in FLOATS:
@@ -377,13 +376,14 @@ class _Translation:
             a, b = self.number_of(x, kind), self.number_of(y, kind)
             self.put_number(to, self.new(f"{ARITHMETIC[name]} {FLOATS[kind]} {a}, {b}"), kind)
             return None
-        if name not in SIMPLE or len(parts) != 2:
+        if len(parts) != 2:
             return NotImplemented
         width = WIDTHS[kind]
-        self.put(to, self.new(f"{SIMPLE[name]} i{width} {self.get(x, width)}, {self.get(y, width)}"), width)
+        code = name if name not in ("div", "rem") else f"s{name}" if kind[0] == "s" else f"u{name}"
+        self.put(to, self.new(f"{code} i{width} {self.get(x, width)}, {self.get(y, width)}"), width)
         return None
 
-    do_add = do_sub = do_and = do_or = do_xor = arithmetic
+    do_add = do_sub = do_and = do_or = do_xor = do_div = do_rem = arithmetic
 
     def do_mul(self, parts: list[str], operands: list[str]) -> Any:
         kind = parts[-1]
@@ -420,33 +420,17 @@ class _Translation:
         self.put(to, self.new(f"add i{c_width} {product}, {self.get(z, c_width)}"), c_width)
         return None
 
-    def do_div(self, parts: list[str], operands: list[str]) -> Any:
-        kind = parts[-1]
-        if kind in FLOATS:
-            return self.arithmetic(parts, operands)
-        to, x, y = operands
-        width = WIDTHS[kind]
-        code = ("s" if kind[0] == "s" else "u") + parts[0]
-        self.put(to, self.new(f"{code} i{width} {self.get(x, width)}, {self.get(y, width)}"), width)
-        return None
-
-    do_rem = do_div
-
-    def do_rcp(self, parts: list[str], operands: list[str]) -> Any:
-        if parts[1:] not in (["rn", "f64"], ["rn", "f32"]):
+    def root_or_inverse(self, parts: list[str], operands: list[str]) -> Any:
+        """sqrt, rcp."""
+        name, kind = parts[0], parts[-1]
+        if parts[1:-1] != ["rn"]:
             return NotImplemented
-        kind = parts[-1]
-        one = self.new(f"fdiv {FLOATS[kind]} 1.0, {self.number_of(operands[1], kind)}")
-        self.put_number(operands[0], one, kind)
+        own, value = FLOATS[kind], self.number_of(operands[1], kind)
+        code = f"call {own} @llvm.sqrt.{kind}({own} {value})" if name == "sqrt" else f"fdiv {own} 1.0, {value}"
+        self.put_number(operands[0], self.new(code), kind)
         return None
 
-    def do_sqrt(self, parts: list[str], operands: list[str]) -> Any:
-        if parts[1:] not in (["rn", "f64"], ["rn", "f32"]):
-            return NotImplemented
-        kind = parts[-1]
-        kind_name, value = FLOATS[kind], self.number_of(operands[1], kind)
-        self.put_number(operands[0], self.new(f"call {kind_name} @llvm.sqrt.{kind}({kind_name} {value})"), kind)
-        return None
+    do_sqrt = do_rcp = root_or_inverse
 
     def do_abs(self, parts: list[str], operands: list[str]) -> None:
         kind, width = parts[-1], WIDTHS[parts[-1]]
