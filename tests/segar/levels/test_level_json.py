@@ -74,7 +74,13 @@ def assert_kept(levels: Levels, folder: Path) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_levels_of_a_family_are_kept_to_the_bit(name, tmp_path):
-    assert_kept(segar.family(name).sample(6, seed=3, split="test")[[4, 0, 2]], tmp_path)
+    levels = segar.family(name).sample(6, seed=3, split="test")[[4, 0, 2]]
+    assert_kept(levels, tmp_path)
+    loaded, made = Levels.load(tmp_path / "a.npz"), levels.provenance
+    assert all(getattr(loaded, array).tobytes() == getattr(levels, array).tobytes() for array in LEVEL_ARRAYS)
+    assert loaded == levels and loaded.provenance == made and loaded.distribution is loaded.world is None
+    assert (made.name, made.seed, made.split, made.indices.tolist()) == (name, 3, "test", [4, 0, 2])
+    assert made.distribution == segar.family(name).hash
 
 
 numbers = st.floats(-1e30, 1e30, allow_nan=False) | st.sampled_from([-0.0, 5e-324, 1 / 3, 1e22, 1e-7, 2.0**53 + 2])
@@ -98,7 +104,7 @@ things = st.one_of(
     drawn=numbers,
     named=st.none() | st.text(max_size=5).filter(str.isprintable),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_levels_of_any_entities_are_kept_to_the_bit(levels, wind, floor, drawn, named, tmp_path_factory):
     made = Levels.from_entities(levels, {Wind: wind, FloorFriction: floor, Gravity: -0.0}, name=named)
     column = made.layout.columns[Position]
@@ -313,22 +319,17 @@ def test_a_short_text_that_stands_for_very_many_numbers_is_refused(tmp_path):
 
 
 def test_levels_that_could_not_be_read_again_are_not_written(tmp_path):
-    path = tmp_path / "x.json"
-    values, other = LEVELS.values.copy(), LEVELS.values.copy()
-    values[1, LEVELS.layout.slot_index("golfball"), LEVELS.layout.columns[Mass]] = np.nan
-    wrong = dataclasses.replace(LEVELS, values=values)
-    with pytest.raises(LevelError, match=r"level 1: Mass of 'golfball' is nan"):
-        wrong.save(path)
-    other[1, -1, LEVELS.layout.columns[segar.Friction]] = 0.75
-    floor = dataclasses.replace(LEVELS, values=other)
+    values = LEVELS.values.copy()
+    values[1, -1, LEVELS.layout.columns[segar.Friction]] = 0.75
+    floor = dataclasses.replace(LEVELS, values=values)
     with pytest.raises(LevelError, match=r"x.json: levels\[1\].*Friction: is 0.75, and .*FloorFriction is 0.05"):
-        floor.save(path)
-    assert not path.exists()
+        floor.save(tmp_path / "x.json")
+    assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["empty-easy", "tilesx2-medium", "objectsx3-hard", "puttputt", "billiards"])
+@pytest.mark.parametrize("name", ["objectsx3-hard", "puttputt", "billiards"])
 def test_files_fit_the_schema_and_what_is_refused_does_not(name, tmp_path):
-    levels, path = segar.family(name).sample(4, seed=0), tmp_path / "levels.json"
+    levels, path = segar.family(name).sample(2, seed=0), tmp_path / "levels.json"
     levels.save(path)
     data = json.loads(path.read_text())
     for schema in (level_schema(), level_schema(levels.layout)):

@@ -197,19 +197,6 @@ def test_levels_of_another_distribution_are_refused():
         segar.family("empty-easy").log_prob(segar.family("objectsx1-hard").sample(2))
 
 
-def test_a_distribution_may_depend_on_another_factor_of_the_entity():
-    levels = CONDITIONAL.sample(3000)
-    size, mass = column(levels, 0, Size), column(levels, 0, Mass)
-    noise = (mass - 0.5) / np.where(size > 0.2, 20 * size**2, 1.0)
-    distribution = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
-    x = np.sort(noise.round(12))
-    share = np.searchsorted(x, x, side="right") / len(x)
-    assert np.abs(share - distribution.cdf(x + 1e-11)).max() < 1.95 / math.sqrt(len(x))
-    assert abs(np.corrcoef(size, noise)[0, 1]) < 0.07
-    assert np.array_equal(CONDITIONAL.sample(7).sampled_values, levels[:7].sampled_values, equal_nan=True)
-    assert Mass not in CONDITIONAL.marginals()["ball1"]
-
-
 def opposite(q: Charge) -> float:
     return -q
 
@@ -237,12 +224,6 @@ def test_a_distribution_may_depend_on_a_factor_of_another_entity():
     assert np.ptp(rest) < 1e-9  # places, ranks and the golf ball's charge are equally probable wherever they are
 
 
-def test_a_dependence_on_another_entity_is_part_of_the_distribution():
-    distributions = [Dependent(UniformNoise(0, 1), opposite, of=name) for name in (None, "a", "b")]
-    assert len({content_hash(distribution) for distribution in distributions}) == 3
-    assert distributions[1] != distributions[2] and distributions[1] == Dependent(UniformNoise(0, 1), opposite, of="a")
-
-
 @pytest.mark.parametrize(
     ("numbers", "priors", "message"),
     [
@@ -267,15 +248,6 @@ def test_an_entity_that_lacks_what_is_read_is_named():
         LevelDistribution([(Charger, 1), (GoalTile, 1)], [ANYWHERE, Prior(Charge, distribution, entity_type=Charger)])
     with pytest.raises(PriorError, match="of must be the name of an entity, such as 'golfball', not <class"):
         Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of=GolfBall)
-
-
-def test_the_density_of_a_dependent_distribution_is_stretched_with_it_and_its_atoms_are_not():
-    distribution = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
-    dependent = Dependent(distribution, shift=0.5, scale=weight)
-    x, shift, scale = np.array([2.5, 0.5 + 2 * 0.9]), np.full(2, 0.5), np.full(2, 2.0)
-    expected = [distribution.log_prob(1.0) - math.log(2), distribution.log_prob(0.9)]
-    assert np.allclose(dependent.log_prob(x, shift, scale), expected)
-    assert np.allclose(dependent.shift_and_scale(lambda *_: np.array([0.1, 0.3]), 2), [[0.5, 0.5], [1.0, 1.8]])
 
 
 def test_a_level_with_a_dependent_distribution_is_as_probable_as_by_hand():
@@ -306,43 +278,53 @@ def test_a_changed_dependence_is_another_distribution():
     def doubled(size: Size) -> float:
         return 2.0 * size
 
-    hashes = []
-    for function in (twice, thrice, doubled):
-        distribution = Dependent(UniformNoise(0.9, 1.1), scale=function)
-        hashes.append(LevelDistribution([(Ball, 1)], [Prior(Mass, distribution)]).hash)
+    distributions = [Dependent(UniformNoise(0.9, 1.1), scale=function) for function in (twice, thrice, doubled)]
+    hashes = [LevelDistribution([(Ball, 1)], [Prior(Mass, one)]).hash for one in distributions]
     assert hashes[0] != hashes[1] and hashes[0] == hashes[2]
-    assert Dependent(UniformNoise(0, 1), twice) == Dependent(UniformNoise(0, 1), doubled)
+    assert distributions[0] == distributions[2] != distributions[1]
+    read = [Dependent(UniformNoise(0, 1), opposite, of=name) for name in (None, "a", "b", "a")]
+    assert len({content_hash(one) for one in read}) == 3 and read[2] != read[1] == read[3]
 
 
-def test_a_dependence_that_cannot_be_meant_is_refused():
-    def pulled(g: Gravity) -> float:
-        return g
+def pulled(g: Gravity) -> float:
+    return g
 
-    def charged(q: Charge) -> float:
-        return q
 
-    def placed(x: Position) -> float:
-        return x.norm()
+def charged(q: Charge) -> float:
+    return q
 
-    distribution = UniformNoise(0.5, 1.0)
-    with pytest.raises(PriorError, match=r"shift: .*pulled.* only numbers of one entity"):
-        Dependent(distribution, shift=pulled)
-    with pytest.raises(PriorError, match=r"scale must be a finite number or a typed function"):
-        Dependent(distribution, scale="twice")
-    with pytest.raises(PriorError, match=r"needs a distribution on the line, not 3"):
-        Dependent(3)  # type: ignore[arg-type]
-    with pytest.raises(PriorError, match=r"for factors that are one real number"):
-        Prior(Position, Dependent(distribution))
-    with pytest.raises(PriorError, match=r"reads Charge, which GoalTile lacks; give the prior an entity_type"):
-        LevelDistribution([(GoalTile, 1)], [Prior(Size, Dependent(distribution, shift=charged))])
-    with pytest.raises(PriorError, match=r"its distribution reads Position, which is drawn last"):
-        LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(distribution, scale=placed))])
-    shapes = Prior(Shape, segar.noise.Choice([Circle(0.3), Circle(0.5)]))
-    with pytest.raises(PriorError, match=r"reads Size, which for Ball is that of a shape that is chosen later"):
-        LevelDistribution([(Ball, 1)], [shapes, Prior(Mass, Dependent(distribution, scale=weight))])
-    zero = LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(distribution, scale=charged)), Prior(Charge, 0.0)])
-    with pytest.raises(PriorError, match=r"level 0 .*with shift 0 and scale 0, which Mass cannot be"):
-        zero.sample(1)
+
+def placed(x: Position) -> float:
+    return x.norm()
+
+
+HALVES = UniformNoise(0.5, 1.0)
+SHAPES = Prior(Shape, segar.noise.Choice([Circle(0.3), Circle(0.5)]))
+
+
+def balls(*priors: Prior) -> LevelDistribution:
+    return LevelDistribution([(Ball, 1)], priors)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Dependent(HALVES, shift=pulled), r"shift: .*pulled.* only numbers of one entity"),
+        (lambda: Dependent(HALVES, scale="twice"), r"scale must be a finite number or a typed function"),
+        (lambda: Dependent(3), r"needs a distribution on the line, not 3"),
+        (lambda: Prior(Position, Dependent(HALVES)), r"for factors that are one real number"),
+        (lambda: LevelDistribution([(GoalTile, 1)], [Prior(Size, Dependent(HALVES, shift=charged))]),
+         r"reads Charge, which GoalTile lacks; give the prior an entity_type"),
+        (lambda: balls(Prior(Mass, Dependent(HALVES, scale=placed))), r"its distribution reads Position, which is drawn last"),
+        (lambda: balls(SHAPES, Prior(Mass, Dependent(HALVES, scale=weight))),
+         r"reads Size, which for Ball is that of a shape that is chosen later"),
+        (lambda: balls(Prior(Mass, Dependent(HALVES, scale=charged)), Prior(Charge, 0.0)).sample(1),
+         r"level 0 .*with shift 0 and scale 0, which Mass cannot be"),
+    ],
+)  # fmt: skip
+def test_a_dependence_that_cannot_be_meant_is_refused(make, message):
+    with pytest.raises(PriorError, match=message):
+        make()
 
 
 def test_an_order_that_may_be_zero_leaves_open_how_it_came_about():

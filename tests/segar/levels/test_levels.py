@@ -18,7 +18,6 @@ from segar import (
     Circle,
     DiscreteRangeNoise,
     Friction,
-    GaussianNoise,
     GoalTile,
     GolfBall,
     Gravity,
@@ -34,7 +33,6 @@ from segar import (
     Shape,
     Size,
     ThingFactory,
-    Tile,
     UniformNoise,
     Velocity,
     family,
@@ -58,19 +56,12 @@ def positions(levels: Levels, which: str = "values") -> np.ndarray:
     return getattr(levels, which)[:, :, column : column + 2]
 
 
-def same(a: Levels, b: Levels) -> bool:
-    return all(getattr(a, name).tobytes() == getattr(b, name).tobytes() for name in LEVEL_ARRAYS)
-
-
 @some_families
-def test_ten_levels_are_the_first_ten_of_fifty(name):
-    assert family(name).sample(10, seed=3) == family(name).sample(50, seed=3)[:10]
-
-
-def test_the_last_of_many_levels_is_the_same_when_chunks_are_cut_elsewhere(monkeypatch):
-    whole = family("puttputt").sample(60)
+def test_ten_levels_are_the_first_ten_of_fifty_wherever_chunks_are_cut(name, monkeypatch):
+    whole = family(name).sample(50, seed=3)
+    assert family(name).sample(10, seed=3) == whole[:10]
     monkeypatch.setattr("segar.levels.sampling.draws.CHUNK", 7)
-    assert family("puttputt").sample(60) == whole
+    assert family(name).sample(50, seed=3) == whole
 
 
 @some_families
@@ -179,13 +170,6 @@ def test_two_overlapping_objects_part_by_their_penetration():
     assert np.allclose(positions(levels)[0, :2], [[-0.04, 0.0], [0.16, 0.0]], atol=1e-6)
 
 
-def test_a_row_of_objects_against_a_wall_is_resolved():
-    row = [Ball({Position: [0.9 - 0.1 * k, 0.0]}) for k in range(6)]
-    levels = Levels.from_entities([row], fix_overlaps=True)
-    x = np.sort(positions(levels)[0, :6, 0])
-    assert x[-1] <= 0.9 and (np.diff(x) > 0.2).all()
-
-
 def test_the_heights_of_a_level_are_a_random_ranking():
     levels = family("objectsx3-easy").sample(3000)
     order = levels.values[:, :5, levels.layout.columns[Order]]
@@ -228,19 +212,6 @@ def test_fixed_positions_are_kept_and_the_rest_is_drawn():
     assert (place[:, 1:4] == rack).all() and len(np.unique(place[:, 0])) == 40
 
 
-@some_families
-def test_a_file_gives_back_the_same_levels_to_the_bit(name, tmp_path):
-    levels = family(name).sample(20, seed=5, split="test")[3:9]
-    levels.save(tmp_path / "levels.npz")
-    loaded = Levels.load(tmp_path / "levels.npz")
-    assert loaded == levels and same(loaded, levels)
-    assert loaded.provenance == levels.provenance
-    assert (loaded.provenance.name, loaded.provenance.seed, loaded.provenance.split) == (name, 5, "test")
-    assert loaded.provenance.distribution == family(name).hash
-    assert loaded.provenance.indices.tolist() == list(range(3, 9))
-    assert loaded.distribution is None and loaded.world is None
-
-
 def test_a_full_disk_leaves_the_old_file_and_no_debris(tmp_path, monkeypatch):
     path = tmp_path / "levels.npz"
     old = family("empty-easy").sample(2)
@@ -253,15 +224,6 @@ def test_a_full_disk_leaves_the_old_file_and_no_debris(tmp_path, monkeypatch):
     with pytest.raises(LevelError, match=r"cannot be written to .*levels.npz: No space left on device"):
         family("empty-hard").sample(5).save(path)
     assert os.listdir(tmp_path) == ["levels.npz"] and Levels.load(path) == old
-
-
-def test_built_in_classes_are_found_by_name_beside_a_class_of_the_user_with_that_name(tmp_path):
-    family("puttputt").sample(1).save(tmp_path / "x.npz")
-
-    class Charger(Object):
-        label: Label = "charger"
-
-    assert segar.Charger in Levels.load(tmp_path / "x.npz").layout.types
 
 
 def described_anew(levels: Levels, change: Callable[[str], str], folder: Path) -> Path:
@@ -361,14 +323,12 @@ def test_levels_by_hand_hold_exactly_what_was_given():
     assert (levels.values[:, -1, layout.columns[Friction]] == 0.1).all()
 
 
-def test_levels_by_hand_may_have_different_numbers_of_entities(tmp_path):
+def test_levels_by_hand_may_have_different_numbers_of_entities():
     balls = [Ball({ID: f"{k}_ball", Position: [0.3 * k, 0.0]}) for k in range(3)]
     levels = Levels.from_entities([balls, balls[:1]])
     assert levels.layout.names[:3] == ("0_ball", "1_ball", "2_ball")
     assert [slot.optional for slot in levels.layout.slots] == [False, True, True, False]
     assert levels.types[1].tolist() == [0, -1, -1, 1] and np.isnan(levels.values[1, 1:3]).all()
-    levels.save(tmp_path / "x.npz")
-    assert Levels.load(tmp_path / "x.npz") == levels
 
 
 @pytest.mark.parametrize(
@@ -432,10 +392,10 @@ def test_two_entities_of_one_name_are_refused():
 
 
 def test_things_that_cannot_be_placed_are_named():
-    crowd = LevelDistribution([(Ball, 50)], [ANYWHERE], name="crowd")
+    crowd = LevelDistribution([(Ball, 15)], [ANYWHERE], min_distance=0.6, name="crowd")
     message = r"'crowd', level \d+ \(seed 4, split 'test'\): after 100 tries 'ball\d+' and 'ball\d+' are 0\.\d+ apart"
     with pytest.raises(PlacementError, match=message):
-        crowd.sample(3, seed=4, split="test")
+        crowd.sample(1, seed=4, split="test")
 
 
 @pytest.mark.parametrize(
@@ -448,21 +408,6 @@ def test_things_that_cannot_be_placed_are_named():
 def test_things_that_do_not_fit_are_named(count, size, message):
     with pytest.raises(PlacementError, match=message):
         LevelDistribution([(Ball, count)], [ANYWHERE, Prior(Size, size)]).sample(2)
-
-
-def test_the_factors_of_ones_own_entities_are_columns(tmp_path):
-    class Temperature(segar.Scalar, default=20.0, unit="degC"): ...
-
-    class Ember(Tile):
-        temperature: Temperature = 300.0
-        label: Label = "ember"
-
-    dist = LevelDistribution([(Ember, 2)], [ANYWHERE, Prior(Temperature, GaussianNoise(300.0, 10.0))])
-    levels = dist.sample(50)
-    drawn = levels.values[:, :2, levels.layout.columns[Temperature]]
-    assert 285 < drawn.mean() < 315 and len(np.unique(drawn)) == 100
-    levels.save(tmp_path / "x.npz")
-    assert Levels.load(tmp_path / "x.npz") == levels
 
 
 def test_an_abstract_entity_without_a_place_is_not_placed():

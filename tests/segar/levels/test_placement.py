@@ -55,13 +55,6 @@ def test_mirrored_scenes_are_fixed_in_mirrored_ways():
     assert np.allclose(mirrored, -plain, equal_nan=True, atol=1e-12)
 
 
-def test_two_things_on_one_spot_part():
-    position = np.zeros((1, 2, 2))
-    extent = np.full((1, 2, 2), 0.1)
-    fixed, stuck = fix_overlaps(position, -extent, extent, extent[..., 0], np.ones((1, 2), dtype=bool))
-    assert not len(stuck) and np.ptp(fixed[0, :, 0]) == pytest.approx(0.2, abs=2e-6)
-
-
 def test_what_cannot_fit_is_reported_and_the_rest_is_fixed():
     position = np.zeros((3, 2, 2))
     extent = np.full((3, 2, 2), 0.1)

@@ -74,6 +74,14 @@ class Oven(Tile):
     label: Label = "oven"
 
 
+def is_positive(q: Charge) -> bool:
+    return q > 0.0
+
+
+def is_heavy(m: Mass) -> bool:
+    return m > 1.0
+
+
 def column(levels: segar.Levels, name: str, factor: type) -> np.ndarray:
     return levels.sampled_values[:, levels.layout.slot_index(name), levels.layout.columns[factor]]
 
@@ -107,11 +115,6 @@ def test_a_prior_for_chargers_leaves_other_objects_alone():
     assert (sizes_of(Charger, priors) == 0.3).all() and (sizes_of(Magnet, priors) == 0.2).all()
 
 
-def test_a_prior_without_condition_applies_to_whoever_has_the_factor():
-    levels = LevelDistribution([(Ball, 1), (GoalTile, 1)], [ANYWHERE, Prior(Mass, 2.5)]).sample(3)
-    assert (column(levels, "ball", Mass) == 2.5).all() and np.isnan(column(levels, "goal", Mass)).all()
-
-
 def test_each_entity_draws_for_itself_once_per_level():
     levels = LevelDistribution([(Ball, 2)], [ANYWHERE, Prior(Mass, UniformNoise(1.0, 2.0))]).sample(500)
     a, b = column(levels, "ball1", Mass), column(levels, "ball2", Mass)
@@ -137,9 +140,6 @@ def test_a_relation_on_the_label_picks_entities_by_type():
 
 
 def test_a_relation_on_a_number_makes_one_factor_depend_on_another():
-    def is_positive(q: Charge) -> bool:
-        return q > 0.0
-
     priors = [
         ANYWHERE,
         Prior(Mass, UniformNoise(1.0, 2.0)),
@@ -153,9 +153,6 @@ def test_a_relation_on_a_number_makes_one_factor_depend_on_another():
 
 
 def test_relations_that_both_hold_and_disagree_are_an_error_that_names_both():
-    def is_heavy(m: Mass) -> bool:
-        return m > 1.0
-
     def is_very_heavy(m: Mass) -> bool:
         return m > 1.5
 
@@ -166,12 +163,6 @@ def test_relations_that_both_hold_and_disagree_are_an_error_that_names_both():
 
 
 def test_conditional_priors_that_need_each_other_are_an_error():
-    def is_positive(q: Charge) -> bool:
-        return q > 0.0
-
-    def is_heavy(m: Mass) -> bool:
-        return m > 1.0
-
     with pytest.raises(PriorError, match=r"need each other's factors: \w+ -> \w+ -> \w+"):
         LevelDistribution(
             [(Ball, 1)], [ANYWHERE, Prior(Mass, 2.0, relation=is_positive), Prior(Charge, 2.0, relation=is_heavy)]
@@ -185,13 +176,6 @@ def test_priors_on_parameters_give_a_value_per_level():
     friction = levels.parameters[:, levels.layout.parameters.index(FloorFriction)]
     assert 8 <= gravity.min() < 9 and 11 < gravity.max() <= 12 and len(np.unique(gravity)) == 100
     assert np.array_equal(column(levels, "global_friction", Friction), friction)
-
-
-def test_a_parameter_of_ones_own_gets_a_column():
-    class Wind(segar.Parameter, default=0.5): ...
-
-    levels = LevelDistribution([(Ball, 1)], parameters={Wind: UniformNoise(0.0, 1.0)}).sample(10)
-    assert levels.layout.parameters[-1] is Wind and np.ptp(levels.parameters[:, -1]) > 0.3
 
 
 def test_the_size_of_a_round_object_drives_its_circle_and_that_of_a_tile_follows_its_shape():

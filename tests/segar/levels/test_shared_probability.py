@@ -35,14 +35,10 @@ def counted(dist, n, other=None, draws=20_000, sets=20):
     return np.mean(found), np.std(found, ddof=1) / sets**0.5
 
 
-def test_two_draws_of_coins_are_the_same_with_the_sum_of_the_squares():
-    found = discrete(COINS).shared_probability()
-    assert found.value == pytest.approx(0.5**2 + 2 * 0.25**2) and found.error == 0
-
-
-def test_one_of_n_draws():
-    found = discrete(COINS).shared_probability(3)
-    assert found.value == pytest.approx(0.5 * (1 - 0.5**3) + 0.5 * (1 - 0.75**3)) and found.error == 0
+@pytest.mark.parametrize("n", [1, 3])
+def test_a_draw_of_coins_is_among_n_others_as_often_as_one_of_them_is_it(n):
+    found = discrete(COINS).shared_probability(n)
+    assert found.value == pytest.approx(0.5 * (1 - 0.5**n) + 0.5 * (1 - 0.75**n)) and found.error == 0
 
 
 def test_a_density_anywhere_makes_it_zero():

@@ -41,3 +41,11 @@ def test_means_are_those_of_2022(panel):
     away = (found.mean(axis=0) - MEANS_OF_2022[panel]) / error
     print(f"\n{'->'.join(panel)}: {found.mean(axis=0).round(3)}, {away.round(1)} standard errors")
     assert (np.abs(away) < 3.5).all()  # 45 means, of which one in 50 runs is farther by chance
+
+
+@pytest.mark.parametrize("name", ["empty-hard", "empty-medium", "tilesx1-hard"])
+def test_means_of_ten_levels_are_those_of_2022(name):
+    dist = segar.family(name)
+    values = [w2(dist.sample(10, s), dist.sample(100, s, "test"), mode="reference") for s in range(12)]
+    # The means of 2022 are over 5 seeds, and its standard deviation there is up to 0.04.
+    assert np.mean(values) == pytest.approx(MEANS_OF_2022[name, name][1], abs=3 * 0.04 / np.sqrt(5))
