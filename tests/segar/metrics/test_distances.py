@@ -55,12 +55,12 @@ def random_set(generator: np.random.Generator) -> Levels:
 @pytest.mark.parametrize("mismatch", [0.5, 3.0])
 def test_exact_is_a_metric_on_random_sets_of_levels(mismatch):
     generator = rng(7)
-    sets = [random_set(generator) for _ in range(14)]
+    sets = [random_set(generator) for _ in range(9)]
     scale = {(kind, Position): unit for kind, unit in ((GolfBall, 0.3), (Charger, 0.5), (Bumper, 1.0))}
     distance = np.array([[w2(a, b, scale=scale, mismatch=mismatch) for b in sets] for a in sets])
     np.testing.assert_allclose(distance, distance.T, atol=1e-9)
     np.testing.assert_allclose(np.diag(distance), 0.0, atol=1e-7)
-    assert distance[~np.eye(14, dtype=bool)].min() > 0.1
+    assert distance[~np.eye(9, dtype=bool)].min() > 0.1
     assert (distance[:, None, :] <= distance[:, :, None] + distance[None, :, :] + 1e-9).all()
 
 
@@ -169,18 +169,13 @@ def test_contributions_name_what_differs():
     assert found.by_factor["unmatched"] == pytest.approx(9.0) and found.by_entity["world"] == pytest.approx(0.25)
 
 
-def test_pairs_beyond_the_cut_off_count_as_two_entities_without_counterpart():
-    found = decompose(balls([[-0.9, 0.0]]), balls([[0.9, 0.0]]), scale={(GolfBall, Position): 0.1}, mismatch=2.0)
-    assert found.by_name == {"GolfBall.unmatched": pytest.approx(8.0), "GolfBall.Position": 0.0}
-
-
 # Floors.
 
 
 def test_the_debiased_square_is_near_zero_for_one_distribution_and_near_the_distance_of_distributions_else():
-    same = [w2_debiased(levels("empty-hard", 30, s), levels("empty-hard", 40, s, "test"), rng=rng(s)) for s in range(8)]
+    same = [w2_debiased(levels("empty-hard", 30, s), levels("empty-hard", 40, s, "test"), rng=rng(s)) for s in range(5)]
     squares = np.array([d.square for d in same])
-    assert abs(squares.mean()) < 3 * squares.std(ddof=1) / np.sqrt(8)
+    assert abs(squares.mean()) < 3 * squares.std(ddof=1) / np.sqrt(5)
     assert all(abs(d.square) < 4 * d.standard_error for d in same)
     other = w2_debiased(levels("empty-hard", 30), levels("empty-medium", 40), rng=rng())
     assert other.square > 4 * other.standard_error and other.debiased < other.value
@@ -253,12 +248,9 @@ def test_types_with_nothing_in_common_are_far_but_finite():
     assert w2_sliced(a, b, rng=rng()).value == pytest.approx(np.sqrt(2 * 12))
 
 
-def test_the_unit_of_exact_w2_is_the_spread_of_the_two_distributions_and_not_of_the_levels_drawn(tmp_path):
+def test_the_unit_of_exact_w2_is_the_spread_of_the_two_distributions_and_not_of_the_levels_drawn():
     easy, hard = (segar.family(name) for name in ("empty-easy", "empty-hard"))
-    unit = spread(easy, hard)
     for n, seed in ((2, 0), (7, 3)):
         a, b = easy.sample(n, seed=seed), hard.sample(n, seed=seed)
-        assert spread(a, b) == pytest.approx(unit)
-        assert w2(a, b) == pytest.approx(w2(a, b, scale=unit))
-        a.save(tmp_path / "a.npz")
-        assert spread(segar.Levels.load(tmp_path / "a.npz"), b) == pytest.approx(unit)
+        assert spread(a, b) == pytest.approx(spread(easy, hard))
+        assert w2(a, b) == pytest.approx(w2(a, b, scale=spread(easy, hard)))

@@ -34,8 +34,8 @@ def test_clustered_levels_are_closer_and_covering_ones_farther_than_independent_
 
 
 def test_clustered_levels_are_the_nearest_of_the_pool():
-    made = design(LAW, 10, "clustered", pool=150)
-    pool = LAW.sample(150, seed=0, split="train")
+    made = design(LAW, 10, "clustered", pool=50)
+    pool = LAW.sample(50, seed=0, split="train")
     distances = np.array([w2(made[0], level) for level in pool])
     np.testing.assert_allclose([w2(made[0], level) for level in made], np.sort(distances)[:10], atol=1e-9)
 
@@ -74,13 +74,6 @@ def test_a_target_is_hit_within_the_tolerance(n, target):
     assert w2(made, test) == pytest.approx(target, abs=0.01 * target)
     assert len(set(made.provenance.indices.tolist())) == n
     assert LAW.sample(max(1000, 20 * n), seed=0)[made.provenance.indices] == made
-
-
-def test_sets_of_one_size_reach_from_nearer_to_farther_than_chance():
-    test = LAW.sample(60, seed=0, split="test")
-    chance = w2(design(LAW, 20), test)
-    for target in (0.92 * chance, 1.3 * chance):
-        assert w2(design(LAW, 20, "target", test=test, target=target), test) == pytest.approx(target, rel=0.01)
 
 
 def test_a_target_out_of_reach_names_the_range():

@@ -39,8 +39,8 @@ def test_sets_are_as_far_from_independent_ones_as_wanted(family, wanted):
 def test_the_same_request_picks_the_same_levels():
     dist = segar.family("empty-easy")
     test = dist.sample(TEST_LEVELS, seed=0, split="test")
-    a, b = (matched_set(dist, 5, test=test, w2=2.0, seed=1) for _ in range(2))
-    other = matched_set(dist, 5, test=test, w2=2.0, seed=2)
+    a, b = (matched_set(dist, 5, test=test, w2=1.0, seed=1, pool=200) for _ in range(2))
+    other = matched_set(dist, 5, test=test, w2=1.0, seed=2, pool=200)
     np.testing.assert_array_equal(a.values, b.values)
     assert not np.array_equal(a.values, other.values)
 
@@ -48,8 +48,8 @@ def test_the_same_request_picks_the_same_levels():
 def test_what_cannot_be_had_is_told_with_what_was_reached():
     dist = segar.family("empty-easy")
     test = dist.sample(TEST_LEVELS, seed=0, split="test")
-    with pytest.raises(LevelError, match=r"no 5 levels of the pool of 1000 .* w2 .* instead of -40\.00"):
-        matched_set(dist, 5, test=test, w2=-40.0)
+    with pytest.raises(LevelError, match=r"no 5 levels of the pool of 200 .* w2 .* instead of -40\.00"):
+        matched_set(dist, 5, test=test, w2=-40.0, pool=200)
     with pytest.raises(LevelError, match="tolerance above 0"):
         matched_set(dist, 5, test=test, tolerance=0.0)
     with pytest.raises(LevelError, match="effective_number is the same for all sets of 1 levels"):

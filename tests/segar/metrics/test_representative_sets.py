@@ -46,16 +46,12 @@ def test_a_set_covers_itself_and_more_levels_cover_more():
     assert few.mean > many.mean and few.radius > many.radius
 
 
-def test_equal_levels_are_worth_one_and_unlike_ones_are_worth_their_number():
-    same, apart = balls([[0.3, 0.3]] * 7), balls([[x, y] for x in (-0.9, 0.0, 0.9) for y in (-0.9, 0.9)])
-    assert effective_number(same, scale=UNIT) == pytest.approx(1.0)
-    assert effective_number(apart, scale={(GolfBall, Position): 0.01}, mismatch=50.0) == pytest.approx(6.0)
-
-
-def test_two_clusters_are_worth_the_exponential_of_their_entropy():
-    clusters = balls([[-0.9, 0.0]] * 9 + [[0.9, 0.0]])
-    tight = {(GolfBall, Position): 0.01}
-    assert effective_number(clusters, scale=tight, mismatch=50.0) == pytest.approx(0.9**-0.9 * 0.1**-0.1)
+@pytest.mark.parametrize("counts", [[7], [1] * 6, [9, 1]], ids=str)
+def test_clusters_of_levels_are_worth_the_exponential_of_their_entropy(counts):
+    places = [[-0.9 + 0.3 * k, 0.0] for k, count in enumerate(counts) for _ in range(count)]
+    shares = np.array(counts) / sum(counts)
+    found = effective_number(balls(places), scale={(GolfBall, Position): 0.001}, mismatch=50.0)
+    assert found == pytest.approx(np.prod(shares**-shares))
 
 
 def test_the_entropy_of_independent_factors_is_that_of_their_distributions():

@@ -24,7 +24,6 @@ from segar.levels.named_families import puttputt_default_config
 from segar.metrics import spread, w2, w2_report
 from segar.metrics.transport import balanced_costs, matching_costs, sliced_costs
 from segar.metrics.wasserstein import reference_projections
-from segar.support.optimal_transport import emd
 from tests.agreement.replay import folder
 
 # The vectors of 2022, in its order.
@@ -59,25 +58,24 @@ def test_exact_takes_the_best_of_all_partial_matchings(mismatch):
     np.testing.assert_allclose(matching_costs(a, b, mismatch), plain, atol=1e-12)
 
 
-def test_balanced_costs_are_pots_for_all_counts():
-    a, b = point_sets((0, 1, 2, 5, 2), seed=2), point_sets((3, 0, 1, 2, 5), seed=3)
-    costs = balanced_costs(a, b, absent=7.0)
-    for (i, x), (j, y) in product(enumerate(members(a)), enumerate(members(b))):
-        if len(x) and len(y):
-            assert costs[i, j] == pytest.approx(ot.emd2([], [], ot.dist(x, y)), abs=1e-12)
-        else:
-            assert costs[i, j] == (0.0 if len(x) == len(y) else 7.0)
+def sliced(x: np.ndarray, y: np.ndarray) -> float:
+    return ot.sliced_wasserstein_distance(x, y, n_projections=50, p=2, seed=0) ** 2
 
 
-def test_sliced_costs_are_pots_for_all_counts():
-    a, b = point_sets((0, 1, 2, 3, 4, 6), seed=4, dimension=7), point_sets((5, 0, 1, 2, 3), seed=5, dimension=7)
-    costs = sliced_costs(a, b, reference_projections(7), absent=7.0)
+@pytest.mark.parametrize(
+    ("costs", "plain"),
+    [
+        (balanced_costs, lambda x, y: ot.emd2([], [], ot.dist(x, y))),
+        (lambda a, b, absent: sliced_costs(a, b, reference_projections(7), absent), sliced),
+    ],
+    ids=["balanced", "sliced"],
+)
+def test_costs_are_pots_for_all_counts(costs, plain):
+    a, b = point_sets((0, 1, 2, 3, 4, 6), seed=4, dimension=7), point_sets((5, 0, 1, 2, 3, 6), seed=5, dimension=7)
+    found = costs(a, b, absent=7.0)
     for (i, x), (j, y) in product(enumerate(members(a)), enumerate(members(b))):
-        if len(x) and len(y):
-            plain = ot.sliced_wasserstein_distance(x, y, n_projections=50, p=2, seed=0)
-            assert np.sqrt(costs[i, j]) == pytest.approx(plain, abs=1e-9)
-        else:
-            assert costs[i, j] == (0.0 if len(x) == len(y) else 7.0)
+        expected = plain(x, y) if len(x) and len(y) else 7.0 * (len(x) != len(y))
+        assert found[i, j] == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.fixture(scope="module")
@@ -152,12 +150,11 @@ def test_paper_is_algorithm_1_as_written():
     assert w2(a, b, mode="paper", mismatch=2.5) == pytest.approx(np.sqrt(ot.emd2([], [], cost)), abs=1e-9)
 
 
-def test_emd_weighs_levels_and_is_exact_for_one_level():
-    rng = np.random.default_rng(7)
-    cost = rng.uniform(size=(4, 3))
-    a, b = rng.dirichlet(np.ones(4)), rng.dirichlet(np.ones(3))
-    assert emd(cost, a, b) == pytest.approx(ot.emd2(a, b, cost))
-    assert emd(cost[:1], None, b) == pytest.approx(cost[0] @ b)
+@pytest.mark.parametrize("mode", ["exact", "reference", "paper"])
+def test_a_distance_is_symmetric_and_zero_on_itself(mode):
+    a, b = (segar.family("puttputt").sample(n, seed=0, split=split) for n, split in ((6, "train"), (9, "test")))
+    assert w2(a, a, mode=mode) == pytest.approx(0.0, abs=1e-6)
+    assert w2(a, b, mode=mode) == pytest.approx(w2(b, a, mode=mode), rel=1e-9)
 
 
 def test_a_factor_counts_in_units_of_its_spread():
@@ -204,13 +201,6 @@ def test_the_size_of_a_hull_is_that_of_a_disc_of_equal_area():
     assert w2(small, large, scale={(SandTile, Size): 0.1}) == pytest.approx(abs(np.diff(diameters)[0]) / 0.1)
 
 
-def test_world_parameters_count_if_they_vary():
-    a, b = (Levels.from_entities([[GolfBall({Position: [0, 0]})]], parameters={Gravity: g}) for g in (8.0, 11.0))
-    assert w2(a, b, scale={(Parameter, Gravity): 1.5}) == pytest.approx(2.0)
-    with pytest.warns(UnseenDifferenceWarning, match="parameter Gravity: 8 against 11; it has no spread in the given"):
-        assert w2(a, b, scale={}) == 0.0
-
-
 def test_render_order_and_flags_do_not_count_in_exact_but_do_in_reference():
     a, b = (
         Levels.from_entities([[GolfBall({Position: [0, 0], segar.language.Order: o, segar.language.Visible: o > 0})]])
@@ -245,6 +235,16 @@ def test_a_report_repeats_and_contains_its_value():
     assert first == second
     assert first.low <= first.value <= first.high and first.value == w2(a, b)
     assert 0 < first.p_value <= 1 and first.floor > 0
+
+
+def test_a_report_tells_equal_from_different_distributions():
+    a, same = (segar.family("empty-hard").sample(25, seed=0, split=split) for split in ("train", "test"))
+    rng = np.random.default_rng(0)
+    equal, different = (
+        w2_report(a, b, rng=rng, resamples=60) for b in (same, segar.family("empty-medium").sample(25, seed=0))
+    )
+    assert equal.p_value > 0.05 > different.p_value
+    assert different.low > different.floor
 
 
 class Nectar(segar.Scalar): ...
