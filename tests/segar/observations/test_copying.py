@@ -5,7 +5,6 @@ import pytest
 from numba import njit
 
 from segar.observations import copying
-from segar.observations.composed.stack import FrameTape
 from segar.observations.copying import KERNEL_OPTIONS, clear_bytes, copy_bytes
 
 
@@ -46,13 +45,3 @@ def test_squares_are_cut_as_numpy_does_it(shape, side):
     copying.copy_squares(frames, copied, side)
     squares = frames[:, : side * rows, : side * columns].reshape(n, rows, side, columns, side, -1)
     np.testing.assert_array_equal(copied, squares.transpose(0, 1, 3, 2, 4, 5).reshape(copied.shape))
-
-
-def test_a_tape_holds_the_last_frames(monkeypatch):
-    monkeypatch.setattr("segar.observations.composed.stack.TAPE", 5)
-    tape, frames = FrameTape(4, 3, (2, 3), np.dtype(float)), [np.zeros((4, 2, 3))] * 3
-    for k in range(40):
-        frames = [*frames[1:], np.random.default_rng(k).normal(size=(4, 2, 3))]
-        tape.advance()
-        tape.stacks[:, -1] = frames[-1]
-        np.testing.assert_array_equal(tape.stacks, np.stack(frames, axis=1))

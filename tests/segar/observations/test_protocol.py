@@ -11,17 +11,14 @@ import pytest
 import segar
 from segar.envs import VectorEnv
 from segar.observations import (
-    Joined,
     Multi,
     OneOf,
-    Pixels,
     PreviousActions,
-    PreviousStep,
     Stack,
     StateVector,
     TexturedPixels,
 )
-from segar.observations.protocol import BoundObservation, Observation, draws_per_episode
+from segar.observations.protocol import draws_per_episode
 
 LEVELS = segar.family("objectsx1-hard").sample(4, seed=0)
 HOOKS = ("forget", "start", "advance", "rewarded", "memory", "recall")
@@ -117,20 +114,6 @@ def test_hooks_that_a_wrapper_forwards_are_called():
         np.testing.assert_array_equal(plain.step(action)[0], wrapped.step(action)[0])
 
 
-EVERY_HOOK = {*HOOKS}
-BUILT_IN = {
-    "state": (StateVector(), {"reads"}, {"trained_on"}),
-    "rgb": (Pixels(), set(), {"in_planes"}),
-    "textures": (TexturedPixels(), {"start", "memory", "recall"}, {"in_planes"}),
-    "actions": (PreviousActions(), {"start", "advance", "memory", "recall"}, {"for_task"}),
-    "step": (PreviousStep(), EVERY_HOOK, {"for_task"}),
-    "joined": (Joined(["state"]), EVERY_HOOK, {"for_task", "trained_on", "members"}),
-    "stack": (Stack("rgb", 2), {*EVERY_HOOK, "kept"}, {"for_task", "trained_on", "members"}),
-    "tuple": (Multi(("rgb", "state")), {*EVERY_HOOK, "kept"}, {"for_task", "trained_on", "members"}),
-    "one of several": (OneOf(["rgb"]), EVERY_HOOK, {"for_task", "trained_on", "members"}),
-}
-
-
 ALIKE = TexturedPixels(noise="never", model="level")  # shows every episode of a level alike
 DRAWING = {
     "state": (StateVector(), False),
@@ -159,12 +142,3 @@ def test_an_observation_of_ones_own_that_hears_of_episodes_is_taken_to_draw_unle
     denies: Any = Recorder("start")
     denies.draws_per_episode = False
     assert not draws_per_episode(denies)
-
-
-@pytest.mark.parametrize(("observation", "of_bound", "of_description"), BUILT_IN.values(), ids=BUILT_IN)
-def test_built_in_observations_have_the_hooks_that_they_need(observation, of_bound, of_description):
-    bound = observation.bind(LEVELS, 2)
-    assert isinstance(observation, Observation) and isinstance(bound, BoundObservation)
-    assert {name for name in (*HOOKS, "kept", "reads") if hasattr(bound, name)} == of_bound
-    optional = ("in_planes", "for_task", "trained_on", "members")
-    assert {name for name in optional if hasattr(observation, name)} == of_description

@@ -13,14 +13,11 @@ from segar.language.factors import (
     Charge,
     Heat,
     Mass,
-    Mobile,
     Position,
     Size,
     StoredEnergy,
     Velocity,
-    Visible,
 )
-from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.pixels.textured import TexturedPixels
 from segar.textures import TextureSet
 from tests.segar.observations.plain_renderer import Look, draw_plainly
@@ -162,28 +159,25 @@ def test_a_restored_episode_keeps_the_patterns_of_its_start():
     assert not np.array_equal(frames_of(fresh, levels), frames)
 
 
-def test_what_is_shown_is_said():
-    textured, hiding = (TexturedPixels(random_textures(), hidden=h) for h in ((), (Heat, "StoredEnergy", Mass)))
-    shown = {f: textured.shows(f) for f in (Position, Size, Visible, Mobile, Heat, Mass, Velocity)}
-    assert shown == {Position: True, Size: True, Visible: True, Mobile: True, Heat: True, Mass: True, Velocity: False}
-    assert not any(hiding.shows(f) for f in (Heat, StoredEnergy, Mass))
-    assert not any(Pixels().shows(f) for f in (Mass, Velocity))
-
+def test_a_factor_is_shown_and_hidden_with_its_sub_classes():
     class Warmth(Heat): ...
 
     class Ember(SandTile):
         heat: Warmth
 
-    assert textured.shows(Warmth) and not hiding.shows(Warmth)
+    textured, hiding = (TexturedPixels(random_textures(), hidden=h) for h in ((), (Heat, "StoredEnergy", Mass)))
+    assert textured.shows(Warmth) and not any(hiding.shows(f) for f in (Warmth, StoredEnergy, Mass))
 
 
-def test_options_that_do_not_exist_are_refused_with_those_that_do():
-    textures = random_textures()
-    with pytest.raises(SegarError, match=r"noise must be 'episode' or 'level' or 'never', not 'epsiode'"):
-        TexturedPixels(textures, noise="epsiode")
-    with pytest.raises(SegarError, match="model must be 'episode' or 'level', not 'never'"):
-        TexturedPixels(textures, model="never")
-    with pytest.raises(SegarError, match="do not show 'Velocity', so it cannot be hidden"):
-        TexturedPixels(textures, hidden=(Velocity,))
-    with pytest.raises(SegarError, match=r"no textures 'won'. Did you mean 'one'?"):
-        TexturedPixels("won")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"noise": "epsiode"}, "noise must be 'episode' or 'level' or 'never', not 'epsiode'"),
+        ({"model": "never"}, "model must be 'episode' or 'level', not 'never'"),
+        ({"hidden": (Velocity,)}, "do not show 'Velocity', so it cannot be hidden"),
+        ({"textures": "won"}, r"no textures 'won'. Did you mean 'one'?"),
+    ],
+)
+def test_options_that_do_not_exist_are_refused_with_those_that_do(options, message):
+    with pytest.raises(SegarError, match=message):
+        TexturedPixels(**{"textures": random_textures(), **options})
