@@ -13,7 +13,6 @@ from segar.suites import (
     TEXTURED,
     evaluate_on_side,
     evaluate_on_suite,
-    freeze,
     observation_on,
     side_options,
     suite,
@@ -24,24 +23,6 @@ SIDES = ("train", "test")
 
 def still(seen):
     return np.zeros((len(seen), 2), np.float32)
-
-
-@pytest.fixture(scope="module")
-def own(tmp_path_factory):
-    """A small suite of one's own."""
-    return freeze(
-        tmp_path_factory.mktemp("suites") / "mine-v1.toml",
-        axis="place",
-        shift="extrapolation",
-        says="The ball starts below in training, and anywhere in the test.",
-        train=segar.family("empty-medium"),
-        test=segar.family("empty-hard"),
-        training_levels=3,
-        options={"max_steps": 50},
-        test_levels=4,
-        samples=16,
-        iterations=2,
-    )
 
 
 @pytest.mark.parametrize(("name", "observation"), [("look-far-v1", "rgb"), ("sight-mass-v1", "state")])

@@ -11,46 +11,25 @@ from segar import suites
 from segar.errors import SuiteError
 from segar.language import Mass, Position
 from segar.levels import hash_of_levels
-from segar.suites import AXES, RULES, Suite, admission, freeze, read_suite
+from segar.suites import AXES, Suite, admission, freeze, read_suite
 from segar.suites.suite_file import ITERATIONS, SAMPLES, hash_of_plans
 from segar.suites.suite_names import DATA
-
-OWN = {
-    "axis": "place",
-    "shift": "extrapolation",
-    "says": "The ball starts below in training, and anywhere in the test.",
-    "training_levels": 5,
-    "options": {"max_steps": 50},
-    "test_levels": 6,
-    "samples": 16,
-    "iterations": 2,
-}
+from tests.segar.suites.conftest import OWN
 
 
-@pytest.fixture(scope="module")
-def own(tmp_path_factory):
-    """A small suite of one's own."""
-    path = tmp_path_factory.mktemp("suites") / "mine-v1.toml"
-    return path, freeze(path, train=segar.family("empty-medium"), test=segar.family("empty-hard"), hidden=[Mass], **OWN)
-
-
-def copied(path, folder):
-    for one in path.parent.glob(f"{path.stem}.*"):
-        shutil.copy(one, folder / one.name)
-    return folder / path.name
-
-
-def test_names_begin_with_their_axis_and_end_with_their_version():
-    names = suites.suites()
-    assert len(names) == len(set(names)) >= 24
-    for name in names:
-        assert name.split("-")[0] in AXES and name.rsplit("-", 1)[1].startswith("v")
+@pytest.fixture
+def path(own, own_file, tmp_path):
+    """A copy of the suite's files."""
+    for one in own_file.parent.glob(f"{own_file.stem}.*"):
+        shutil.copy(one, tmp_path)
+    return tmp_path / own_file.name
 
 
 @pytest.mark.parametrize("name", suites.suites())
 def test_a_suite_is_what_was_frozen(name):
     suite = suites.suite(name)
-    assert isinstance(suite, Suite) and suite.name == name and suite.axis == name.split("-")[0]
+    assert isinstance(suite, Suite) and suite.name == name and suite.axis == name.split("-")[0] in AXES
+    assert name.rsplit("-", 1)[1].startswith("v")
     assert len(suite.test_levels) == 200 and suite.unsolved <= 20
     again = suite.test.sample(200 + suite.unsolved, seed=0, split="test")[suite.test_levels.provenance.indices]
     assert hash_of_levels(again) == hash_of_levels(suite.test_levels)
@@ -65,22 +44,21 @@ def test_plans_solve_the_levels_and_chance_does_not(name):
 
 
 def test_plans_of_a_suite_of_ones_own_are_played_again(own):
-    found = admission(own[1], plays=2)
+    found = admission(own, plays=2)
     assert found.planner == 1 and 0 <= found.idle <= 1 and 0 <= found.random <= 1
 
 
 def test_an_unfit_suite_is_told(own):
-    plans = dataclasses.replace(own[1].plans, solved=np.zeros(6, np.bool_))
-    hashes = {**own[1].hashes, "plans": hash_of_plans(plans)}
-    unfit = dataclasses.replace(own[1], find_plans=lambda: plans, hashes=hashes)
+    plans = dataclasses.replace(own.plans, solved=np.zeros(6, np.bool_))
+    hashes = {**own.hashes, "plans": hash_of_plans(plans)}
+    unfit = dataclasses.replace(own, find_plans=lambda: plans, hashes=hashes)
     assert not admission(unfit, plays=1).is_fit and admission(unfit, plays=1).planner == 0
 
 
-def test_a_suite_reads_as_it_was_written(own):
-    path, made = own
+def test_a_suite_reads_as_it_was_written(own, path):
     read = read_suite(path)
-    assert read.hash == made.hash and read.hidden == (Mass,) and read.task.max_steps == 50
-    assert read.train.hash == segar.family("empty-medium").hash and read.test_levels == made.test_levels
+    assert read.hash == own.hash and read.hidden == (Mass,) and read.task.max_steps == 50
+    assert read.train.hash == segar.family("empty-medium").hash and read.test_levels == own.test_levels
 
 
 @pytest.mark.parametrize(
@@ -93,8 +71,7 @@ def test_a_suite_reads_as_it_was_written(own):
         ('rules = "default"', 'rules = "without friction"', "the description"),
     ],
 )
-def test_an_edited_description_is_refused_by_its_hash(own, tmp_path, old, new, culprit):
-    path = copied(own[0], tmp_path)
+def test_an_edited_description_is_refused_by_its_hash(path, old, new, culprit):
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
@@ -102,18 +79,15 @@ def test_an_edited_description_is_refused_by_its_hash(own, tmp_path, old, new, c
         read_suite(path)
 
 
-def test_edited_levels_and_plans_are_refused_by_their_hashes(own, tmp_path):
-    path = copied(own[0], tmp_path)
-    values = own[1].test_levels.values.copy()
-    values[0, 0, own[1].test_levels.layout.columns[Position]] += 1e-9
-    levels = dataclasses.replace(own[1].test_levels, values=values)
-    levels.save(path.with_suffix(".levels.npz"))
-    with pytest.raises(SuiteError, match="the file of test levels beside it is not what was frozen"):
-        read_suite(path)
-    path = copied(own[0], tmp_path)
-    dataclasses.replace(own[1].plans, returns=own[1].plans.returns + 1).save(path.with_suffix(".plans.npz"))
+def test_edited_levels_and_plans_are_refused_by_their_hashes(own, path):
+    dataclasses.replace(own.plans, returns=own.plans.returns + 1).save(path.with_suffix(".plans.npz"))
     with pytest.raises(SuiteError, match="the file of plans beside it, is not what was frozen"):
         _ = read_suite(path).plans
+    values = own.test_levels.values.copy()
+    values[0, 0, own.test_levels.layout.columns[Position]] += 1e-9
+    dataclasses.replace(own.test_levels, values=values).save(path.with_suffix(".levels.npz"))
+    with pytest.raises(SuiteError, match="the file of test levels beside it is not what was frozen"):
+        read_suite(path)
 
 
 def test_plans_that_no_file_holds_are_found_again_to_the_bit(tmp_path):
@@ -156,18 +130,16 @@ def test_a_training_side_has_the_training_levels_and_nothing_of_the_test():
         ("RandomTopLocation()", "__import__('os')", r"\[train\]: line \d+: "),
     ],
 )
-def test_a_file_that_is_no_suite_is_told_with_its_place(own, tmp_path, old, new, message):
-    path = copied(own[0], tmp_path)
+def test_a_file_that_is_no_suite_is_told_with_its_place(path, old, new, message):
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(SuiteError, match=message) as caught:
         read_suite(path)
     assert str(path) in str(caught.value)
 
 
-def test_a_missing_file_and_an_unknown_name_are_told(own, tmp_path):
+def test_a_missing_file_and_an_unknown_name_are_told(path, tmp_path):
     with pytest.raises(SuiteError, match=r"there is no suite .*none-v1\.toml"):
         read_suite(tmp_path / "none-v1.toml")
-    path = copied(own[0], tmp_path)
     path.with_suffix(".levels.npz").unlink()
     with pytest.raises(SuiteError, match=r"mine-v1\.levels\.npz"):
         read_suite(path)
@@ -189,10 +161,9 @@ def test_levels_that_the_planner_does_not_solve_are_left_out(tmp_path):
     assert not (tmp_path / "none-v1.toml").exists()
 
 
-def test_two_versions_stand_side_by_side(own, tmp_path):
-    first = copied(own[0], tmp_path)
+def test_two_versions_stand_side_by_side(own, path, tmp_path):
     second = freeze(tmp_path / "mine-v2.toml", train=segar.family("empty-easy"), test=segar.family("empty-hard"), **OWN)
-    assert read_suite(first).hash == own[1].hash != second.hash == read_suite(tmp_path / "mine-v2.toml").hash
+    assert read_suite(path).hash == own.hash != second.hash == read_suite(tmp_path / "mine-v2.toml").hash
 
 
 def test_a_suite_is_written_whole_or_not_at_all_and_over_no_other(tmp_path):
@@ -212,10 +183,6 @@ def test_rules_that_have_no_name_cannot_be_frozen(tmp_path):
     with pytest.raises(SuiteError, match="the distribution of train is not the same when it is read from its text"):
         freeze(tmp_path / "bare-v1.toml", train=bare, test=segar.family("empty-hard"), **OWN)
     assert not (tmp_path / "bare-v1.toml").exists()
-
-
-def test_rules_have_names_of_their_own():
-    assert len(set(RULES)) == len(RULES) and RULES[0] == "default"
 
 
 def test_slots_that_training_never_fills_have_no_say_in_exact_statistics():
