@@ -85,7 +85,7 @@ OBSERVATIONS = {
     "textures_stack4": "textures_stack4",
     "stack of a stack": Stack(Stack(Pixels(32), 2), 2),
     "several": {
-        "look": (Stack("state", 3), Pixels(32)),
+        "look": (Stack("state", 3), Stack(Pixels(32), 2)),
         "small": Pixels(36, grey=True),
         "past": (PreviousActions(2), Stack(PreviousActions(), 2)),
     },
@@ -159,7 +159,7 @@ def test_masks_levels_and_unit_actions_are_those_of_the_processor(stub, levels, 
     assert same(host.reset(seed=8)[0], device.reset(seed=8)[0])
 
 
-@pytest.mark.parametrize("name", [pytest.param("rgb", marks=pytest.mark.slow), "stack"])
+@pytest.mark.parametrize("name", [pytest.param("rgb", marks=pytest.mark.slow), "several"])
 def test_snapshots_go_from_one_to_the_other(stub, levels, name):
     observation = OBSERVATIONS[name]
     host, device = (
@@ -206,7 +206,7 @@ def test_torchrl_environments_are_those_of_the_processor(stub, levels):
     assert all(torch.equal(part, device.restore(later)[key].cpu()) for key, part in host.restore(later).items())
 
 
-@pytest.mark.parametrize("name", [pytest.param("state", marks=pytest.mark.slow), "stack"])
+@pytest.mark.parametrize("name", ["state", "several"])
 def test_interventions_are_those_of_the_processor(stub, levels, name):
     options: dict[str, Any] = {"seed": 1, "observation": OBSERVATIONS[name]}
     host, device = VectorEnv(levels, N, **options), VectorEnv(levels, N, device="cuda", **options)

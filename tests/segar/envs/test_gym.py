@@ -48,31 +48,10 @@ def test_linear_ids_reward_minus_the_distance_and_the_others_its_square() -> Non
     assert rewards[0] == pytest.approx(-(rewards[1] ** 2))
 
 
-def test_make_vec_gives_the_native_batch() -> None:
-    env = gymnasium.make_vec(
-        "Segar-empty-hard-state-v0", num_envs=6, num_levels=5, vectorization_mode="vector_entry_point"
-    )
-    assert isinstance(env.unwrapped, segar.envs.VectorEnv)
-    assert env.reset(seed=0)[0].shape == (6, 16)
-
-
 def test_train_and_test_splits_share_no_level() -> None:
     sets = [make("Segar-empty-hard-state-v0", num_levels=50, split=s).unwrapped.levels for s in ("train", "test")]
     places = [{tuple(level[:2, :2].ravel()) for level in levels.values} for levels in sets]
     assert len(places[0]) == len(places[1]) == 50 and not places[0] & places[1]
-
-
-def test_a_single_environment_is_the_batched_one_without_the_batch_axis() -> None:
-    levels = segar.family("objectsx1-hard").sample(5, seed=0)
-    single, batch = segar.envs.Env(levels), segar.envs.VectorEnv(levels, 1)
-    assert np.array_equal(single.reset(seed=3)[0], batch.reset(seed=3)[0][0])
-    for _ in range(40):
-        action = single.action_space.sample()
-        one, many = single.step(action), batch.step(action[None])
-        assert one[1] == many[1][0] and one[2] == many[2][0] and one[3] == many[3][0]
-        if one[2] or one[3]:
-            break
-        np.testing.assert_array_equal(one[0], many[0][0])
 
 
 WAYS = ["sync", "vector_entry_point"]
@@ -145,14 +124,6 @@ def test_a_limit_of_an_id_can_be_taken_off_and_a_suite_can_be_played_longer():
     unlimited.reset(seed=0)
     assert not any(unlimited.step(np.zeros((1, 2), np.float32))[3].any() for _ in range(150))
     assert steps_of(make(SUITE, num_levels=1)) == 50 and steps_of(make(SUITE, num_levels=1, max_episode_steps=60)) == 60
-
-
-def test_frames_are_collected_by_gymnasiums_render_mode():
-    env = make(QUICK[0], num_levels=2, render_mode="rgb_array_list", view=segar.rendering.View(size=64))
-    env.reset(seed=0)
-    for _ in range(3):
-        env.step(env.action_space.sample())
-    assert [frame.shape for frame in env.render()] == [(64, 64, 3)] * 4
 
 
 def test_nothing_is_played_after_close():

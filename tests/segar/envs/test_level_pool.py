@@ -1,6 +1,7 @@
 """Levels that are replaced and weighted while environments run, in every interface."""
 
 import pickle
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -159,40 +160,36 @@ def test_levels_of_one_split_keep_their_origin_and_others_have_none():
     assert env.levels.distribution is DIST
 
 
-@pytest.mark.parametrize("kind", ["env", "gym", "gym_vector", "torchrl", "sb3"])
+NAMED: dict[str, Any] = {"max_episode_steps": STEPS, "num_levels": 8, "seed": 0}
+FACES: dict[str, Callable[[], Any]] = {
+    "env": lambda: Env(LEVELS, seed=3, max_steps=STEPS),
+    "gym": lambda: gymnasium.make("Segar-objectsx1-easy-state-v0", **NAMED).unwrapped,
+    "gym_vector": lambda: gymnasium.make_vec("Segar-objectsx1-easy-state-v0", num_envs=1, **NAMED).unwrapped,
+    "torchrl": lambda: TorchRLEnv(LEVELS, 1, seed=3, max_steps=STEPS),
+    "sb3": lambda: SB3VecEnv(LEVELS, 1, seed=3, max_steps=STEPS),
+}
+
+
+@pytest.mark.parametrize("kind", FACES)
 def test_all_interfaces_take_levels_and_weights(kind):
-    weights = np.eye(8)[3]
-    options: dict[str, Any] = {"seed": 3, "max_steps": STEPS}
-    named = {"max_episode_steps": STEPS, "num_levels": 8, "seed": 0}
-    if kind == "env":
-        env: Any = Env(LEVELS, render_mode="rgb_array", **options)
-    elif kind == "gym":
-        env = gymnasium.make("Segar-objectsx1-easy-state-v0", **named).unwrapped
-    elif kind == "gym_vector":
-        env = gymnasium.make_vec("Segar-objectsx1-easy-state-v0", num_envs=1, **named).unwrapped
-    elif kind == "torchrl":
-        env = TorchRLEnv(LEVELS, 1, **options)
-    else:
-        env = SB3VecEnv(LEVELS, 1, **options)
+    env = FACES[kind]()
     env.reset()
-    if kind == "sb3":
-        replace, weigh = (lambda *given, name=name: env.env_method(name, *given) for name in (
-            "replace_levels", "set_level_weights"))  # fmt: skip
-    else:
-        replace, weigh = env.replace_levels, env.set_level_weights
-    replace([3], OTHERS[:1])
-    weigh(weights)
-    found = env.reset()
-    if kind in ("env", "gym", "gym_vector"):
-        seen = np.asarray(found[0]).ravel()
-    else:
-        seen = (found["observation"].numpy() if kind == "torchrl" else found).ravel()
-    expected, _ = make(OTHERS[:1], 1).reset()
-    np.testing.assert_array_equal(seen, expected.ravel())
-    if kind == "env":
-        alone: Any = Env(OTHERS[:1], render_mode="rgb_array", **options)
-        alone.reset()
-        np.testing.assert_array_equal(env.render()[:512], alone.render()[:512])  # below stands which level it is
+    for name, given in (("replace_levels", ([3], OTHERS[:1])), ("set_level_weights", (np.eye(8)[3],))):
+        if kind == "sb3":
+            env.env_method(name, *given)
+        else:
+            getattr(env, name)(*given)
+    seen = env.reset()["observation" if kind == "torchrl" else 0]
+    np.testing.assert_array_equal(np.ravel(seen), make(OTHERS[:1], 1).reset()[0].ravel())
+
+
+def test_a_picture_shows_the_level_that_took_the_place_of_another():
+    env, alone = (Env(levels, render_mode="rgb_array", seed=3) for levels in (LEVELS[:1], OTHERS[:1]))
+    env.reset()
+    env.replace_levels([0], OTHERS[:1])
+    for one in (env, alone):
+        one.reset()
+    np.testing.assert_array_equal(env.render()[:512], alone.render()[:512])  # below stands which level it is
 
 
 @pytest.mark.parametrize(

@@ -10,15 +10,6 @@ import pytest
 import torch
 from gymnasium.vector import SyncVectorEnv
 from stable_baselines3.common.env_checker import check_env
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import (
-    DummyVecEnv,
-    VecCheckNan,
-    VecFrameStack,
-    VecMonitor,
-    VecNormalize,
-    VecTransposeImage,
-)
 
 import segar
 from segar.envs import Env, VectorEnv
@@ -42,31 +33,6 @@ BATCHES: dict[str, Callable[[], gymnasium.vector.VectorEnv]] = {
 @pytest.mark.parametrize("way", SINGLE)
 def test_the_checker_of_stable_baselines_passes(way):
     check_env(SINGLE[way]())
-
-
-@pytest.mark.parametrize(
-    ("wrap", "way"),
-    [
-        (VecMonitor, "id"),
-        (VecNormalize, "id"),
-        (VecCheckNan, "id"),
-        (lambda env: VecFrameStack(env, 3), "class"),
-        (lambda env: VecFrameStack(VecTransposeImage(env), 2), "frames"),
-    ],
-    ids=["monitor", "normalize", "nan", "stack", "transpose"],
-)
-def test_the_wrappers_of_stable_baselines_play_episodes(wrap, way):
-    single = SINGLE[way] if wrap is VecMonitor else lambda: Monitor(SINGLE[way]())
-    env = wrap(DummyVecEnv([single] * N))
-    seen, ends = env.reset(), 0
-    for _ in range(3 * STEPS):
-        assert seen.shape == (N, *env.observation_space.shape)
-        seen, _, dones, infos = env.step([env.action_space.sample() for _ in range(N)])
-        assert all(
-            "terminal_observation" in infos[e] and infos[e]["episode"]["l"] <= STEPS for e in np.flatnonzero(dones)
-        )
-        ends += int(dones.sum())
-    assert ends == 3 * N
 
 
 @pytest.mark.slow

@@ -38,21 +38,24 @@ def test_a_rollout_is_the_vector_environments_rollout() -> None:
         np.testing.assert_allclose(current["reward"].numpy()[:, 0], reward, rtol=1e-6)
 
 
+SHORT = {"num_levels": 3, "max_episode_steps": 9}
+
+
 def by_id(mode: str, **options) -> EnvBase:
-    return GymWrapper(gymnasium.make_vec(QUICK[0], 3, vectorization_mode=mode, num_levels=3, **options))
+    return GymWrapper(gymnasium.make_vec(QUICK[0], 3, vectorization_mode=mode, **SHORT, **options))
 
 
 DISABLED = gymnasium.vector.AutoresetMode.DISABLED
 GYM = {
-    "an id": lambda: GymEnv(QUICK[0], num_levels=3),
-    "frames of an id": lambda: GymEnv(QUICK[1], num_levels=3),
-    "pixels": lambda: GymEnv(QUICK[0], num_levels=3, from_pixels=True, view=segar.rendering.View(size=64)),
-    "repeated actions": lambda: GymEnv(QUICK[0], num_levels=3, frame_skip=2),
-    "a single environment": lambda: GymWrapper(segar.envs.Env(LEVELS)),
+    "an id": lambda: GymEnv(QUICK[0], **SHORT),
+    "frames of an id": lambda: GymEnv(QUICK[1], **SHORT),
+    "pixels": lambda: GymEnv(QUICK[0], **SHORT, from_pixels=True, view=segar.rendering.View(size=64)),
+    "repeated actions": lambda: GymEnv(QUICK[0], **SHORT, frame_skip=2),
+    "a single environment": lambda: GymWrapper(segar.envs.Env(LEVELS, max_steps=9)),
     "a batch by an id": lambda: by_id("vector_entry_point"),
     "a batch that is reset by TorchRL": lambda: by_id("vector_entry_point", autoreset_mode="Disabled"),
     "a batch of Gymnasium's": lambda: by_id("sync", vector_kwargs={"autoreset_mode": DISABLED}),
-    "a batch": lambda: GymWrapper(segar.envs.VectorEnv(LEVELS, 3, true_factors=False)),
+    "a batch": lambda: GymWrapper(segar.envs.VectorEnv(LEVELS, 3, max_steps=9, true_factors=False)),
 }
 LEVELS = segar.family("empty-hard").sample(3, seed=0)
 
@@ -62,7 +65,7 @@ def test_torchrls_own_wrappers_take_environments_of_gymnasium(name):
     env = GYM[name]()
     check_env_specs(env)
     env.set_seed(0)
-    found = env.rollout(120, break_when_any_done=False)
+    found = env.rollout(20, break_when_any_done=False)
     assert found["next", "done"].any() and found["next", "reward"].isfinite().all()
     env.close()
 
