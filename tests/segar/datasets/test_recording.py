@@ -18,29 +18,13 @@ from segar.evaluation import Scripted
 from segar.levels import hash_of_levels
 from segar.observations import Joined, Pixels, PreviousStep, Stack, StateVector, TexturedPixels
 from tests.segar.datasets.conftest import OPTIONS
+from tests.segar.envs.test_pickles import assert_same
 
 
 def options_in(dataset):
     """What says of each episode how to play it again."""
     metadata = dataset.storage.get_episode_metadata(range(dataset.total_episodes))
     return [{name: int(value) for name, value in one["options"].items()} for one in metadata]
-
-
-def equal(one, other):
-    """Whether two episodes have the same bits."""
-    names = ("observations", "actions", "rewards", "terminations", "truncations", "infos")
-    trees = [[getattr(episode, name) for name in names] for episode in (one, other)]
-    return all(
-        np.array_equal(a, b, equal_nan=a.dtype.kind == "f") for a, b in zip(*map(list, map(arrays, trees)), strict=True)
-    )
-
-
-def arrays(tree):
-    if isinstance(tree, np.ndarray):
-        yield tree
-        return
-    for part in tree.values() if isinstance(tree, dict) else tree:
-        yield from arrays(part)
 
 
 def test_a_recording_holds_every_episode_from_its_reset_to_its_end(recorded, levels):
@@ -59,13 +43,11 @@ def test_a_recording_holds_every_episode_from_its_reset_to_its_end(recorded, lev
     assert recorded.total_steps == sum(len(episode.rewards) for episode in recorded)
 
 
-def play_again(levels, episode, options, observation, **env_options):
+def play_again(levels, episode, options):
     """What an environment of one's own shows when the actions of an episode are taken again."""
     n = options["environment"] + 1
-    env = VectorEnv(levels, n, observation=observation, autoreset_mode="Disabled", **env_options)
+    env = VectorEnv(levels, n, observation="rgb", autoreset_mode="Disabled", max_steps=9)
     seen, _ = env.reset(seed=options["seed"], options={"levels": np.full(n, options["level"])})
-    for _ in range(options.get("trial", 0)):
-        seen, _ = env.reset()
     found = [(seen[-1], {name: value[-1] for name, value in env.factors.items()})]
     for action in episode.actions:
         seen = env.step(np.tile(action, (n, 1)))[0]
@@ -76,7 +58,7 @@ def play_again(levels, episode, options, observation, **env_options):
 @pytest.mark.parametrize("number", [0, 4, 6])
 def test_recorded_actions_on_recorded_levels_give_the_recorded_frames_and_factors(recorded, number):
     episode, options = recorded[number], options_in(recorded)[number]
-    for t, (seen, factors) in enumerate(play_again(levels_of(recorded), episode, options, "rgb", max_steps=9)):
+    for t, (seen, factors) in enumerate(play_again(levels_of(recorded), episode, options)):
         np.testing.assert_array_equal(seen, episode.observations[t])  # no JPEG
         for name, value in factors.items():
             np.testing.assert_array_equal(value, episode.infos[name][t], err_msg=name)
@@ -84,10 +66,7 @@ def test_recorded_actions_on_recorded_levels_give_the_recorded_frames_and_factor
 
 def test_chance_in_rules_is_played_again_as_well(trembling):
     dataset = record("t-v0", trembling, episodes=4, batch=4, max_steps=5, observation="state")
-    first, second = dataset[0], dataset[2]
-    assert (first.infos["Velocity"] != second.infos["Velocity"])[1:, 0].all()
-    again = play_again(trembling, second, options_in(dataset)[2], "state", max_steps=5)
-    np.testing.assert_array_equal([seen for seen, _ in again], second.observations)
+    assert (dataset[0].infos["Velocity"] != dataset[2].infos["Velocity"])[1:, 0].all()
     # Files hold no rules: they have to be given.
     with pytest.raises(segar.errors.LevelError, match="rules of their own"):
         check_replay(dataset)
@@ -196,7 +175,9 @@ def test_a_recording_that_was_killed_goes_on_to_the_same_bits(levels, root):
     seen, policy = [], Counting()
     again = record("killed-v0", levels, policy, **OPTIONS, progress=lambda done, of: seen.append((done, of)))
     assert policy.calls <= 2 * 9 and seen == [(3, 7), (6, 7), (7, 7)]
-    assert all(equal(one, other) for one, other in zip(whole, again, strict=True))
+    for one, other in zip(whole, again, strict=True):
+        names = ("observations", "actions", "rewards", "terminations", "truncations", "infos")
+        assert_same(*([getattr(episode, name) for name in names] for episode in (one, other)))
     assert options_in(again) == options_in(whole) and recipe_of(again) == recipe_of(whole)
     assert (
         len(record("killed-v0", levels, policy, **OPTIONS)) == 7 and policy.calls <= 2 * 9
@@ -283,14 +264,6 @@ def test_a_recording_says_which_trial_each_episode_was(levels):
     assert [one["level"] for one in found] == [0, 0, 0, 1, 1, 1, 2, 2, 2, 0, 0, 0]
     assert [one["environment"] for one in found] == [0, 0, 0, 1, 1, 1] * 2 and recipe_of(tried).batch == 6
     assert check_replay(tried, observation=observation) == tried.total_steps
-
-
-@pytest.mark.slow
-def test_a_trial_is_played_again_by_itself_after_as_many_resets(trembling):
-    dataset = record("tried-v0", trembling, observation="state", **TRIED)
-    for episode, options in zip(dataset, options_in(dataset), strict=True):
-        again = play_again(trembling, episode, options, "state", max_steps=6, trials=3)
-        np.testing.assert_array_equal([seen for seen, _ in again], episode.observations)
 
 
 def test_a_missing_package_is_named_with_its_extra(levels, monkeypatch):
