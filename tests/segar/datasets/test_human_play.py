@@ -106,9 +106,17 @@ CHANGES = {
 }  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def two_episodes(tmp_path_factory):
+    """A recording of two episodes, as text."""
+    path = tmp_path_factory.mktemp("play") / "play.json"
+    played(path, segar.family("objectsx1-hard").sample(3, seed=0), [(2, 5), (0, 5)])
+    return path.read_text()
+
+
 @pytest.mark.parametrize("change", CHANGES)
-def test_an_episode_that_was_changed_is_refused_by_its_number_and_what_differs(change, tmp_path):
-    data, _ = played(tmp_path / "play.json", segar.family("objectsx1-hard").sample(3, seed=0), [(2, 5), (0, 5)])
+def test_an_episode_that_was_changed_is_refused_by_its_number_and_what_differs(change, two_episodes, tmp_path):
+    data = json.loads(two_episodes)
     alter, message = CHANGES[change]
     alter(data["episodes"][1])
     (tmp_path / "play.json").write_text(json.dumps(data))

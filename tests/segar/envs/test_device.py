@@ -86,9 +86,9 @@ OBSERVATIONS = {
     "stack of a stack": Stack(Stack(Pixels(32), 2), 2),
     "several": {
         "look": (Stack("state", 3), Stack(Pixels(32), 2)),
-        "small": Pixels(36, grey=True),
         "past": (PreviousActions(2), Stack(PreviousActions(), 2)),
     },
+    "two sizes": (Pixels(32), Pixels(36, grey=True)),
 }
 
 

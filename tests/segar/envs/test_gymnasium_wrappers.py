@@ -127,7 +127,7 @@ def _without_windows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("make", [make_by_id, make_by_class])
+@pytest.mark.parametrize("make", [make_by_id, pytest.param(make_by_class, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", each(wrappers, NEED_MORE))
 def test_a_wrapper_of_single_environments_plays_episodes(name, make):
     made, options = options_of(name, SINGLE)
@@ -150,9 +150,7 @@ def test_a_wrapper_of_single_environments_plays_episodes(name, make):
     env.close()
 
 
-@pytest.mark.parametrize(
-    "way", ["sync", "native", *(pytest.param(one, marks=pytest.mark.slow) for one in ("class", "async"))]
-)
+@pytest.mark.parametrize("way", [pytest.param(one, marks=[pytest.mark.slow] * (one != "native")) for one in WAYS])
 @pytest.mark.parametrize("name", each(vector, NEED_MORE | {"HumanRendering"}))
 def test_a_wrapper_of_batches_plays_episodes(name, way):
     made, options = options_of(name, SINGLE | VECTOR)

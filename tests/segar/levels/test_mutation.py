@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import segar
 from segar.errors import LevelError
 from segar.language import Mass, Order, Position, Square
-from segar.levels import Levels, check_levels, families, mutate
+from segar.levels import Levels, check_levels, mutate
 from segar.rules import templates
 
 N = 30
@@ -38,7 +38,10 @@ def changed_arrays(before: Levels, after: Levels) -> tuple[np.ndarray, np.ndarra
     return values, before.parameters != after.parameters, before.types != after.types
 
 
-@pytest.mark.parametrize("name", [*families(), "rules"])
+SOME = ("empty-easy", "empty-hard", "objectsx1-medium", "objectsx3-hard", "tilesx2-easy", "hazardtilesx3-hard")
+
+
+@pytest.mark.parametrize("name", [*SOME, "rules"])
 def test_mutated_levels_can_be_drawn_and_differ(name):
     dist = rules_and_parameters() if name == "rules" else segar.family(name)
     levels = dist.sample(N, seed=0)

@@ -53,7 +53,7 @@ def test_goals_of_empty_easy_gather_in_a_corner_as_often_as_is_counted(n):
     easy = segar.family("empty-easy")
     found = easy.shared_probability(n)
     assert found.error == 0 and easy.shared_probability().value == pytest.approx(((0.95 - 0.8 + 1e-5) / 0.475) ** 4)
-    value, error = counted(easy, n, sets=200 if n == 1 else 20)
+    value, error = counted(easy, n, sets=100 if n == 1 else 20)
     assert abs(value - found.value) < 4 * error
 
 

@@ -40,7 +40,7 @@ def test_each_close_variant_is_nearer_to_the_baseline_than_each_far_one_in_what_
 
 def models_of(name: str) -> list[TextureSet]:
     textures = TextureSet.load(name)
-    return [textures[model] for model in range(len(textures))]
+    return [textures[model] for model in range(0, len(textures), 2)]
 
 
 @pytest.mark.parametrize("aligned", [False, True])

@@ -72,7 +72,7 @@ def test_batch_threads_and_copying_change_no_bit(observation):
     def env(num_envs: int, **options: Any) -> VectorEnv:
         return VectorEnv(LEVELS, num_envs, observation=observation, max_steps=MAX_STEPS, **options)
 
-    steps = 2 * MAX_STEPS + 1
+    steps = MAX_STEPS + 3
     many = roll(env(70), steps)
     assert same(tuple(many), tuple(roll(env(70, num_threads=2), steps)))
     assert same(tuple(many), tuple(roll(env(70, copy=False), steps)))

@@ -55,16 +55,16 @@ def test_a_frame_shows_the_world_from_wall_to_wall(walls):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_frame_does_not_depend_on_its_batch_nor_on_the_order_of_drawing(kind):
-    levels = scene((GolfBall,), (GoalTile,), *[ANYTHING] * 3, n=1024)
-    pixels, keys = KINDS[kind], np.arange(1024, dtype=np.uint64)
+    levels = scene((GolfBall,), (GoalTile,), *[ANYTHING] * 3, n=256)
+    pixels, keys = KINDS[kind], np.arange(256, dtype=np.uint64)
     together = draw(levels, pixels, keys)
     parts = start(levels, pixels, keys)
     frames = np.zeros_like(together)
-    for rows in np.array_split(np.random.default_rng(0).permutation(1024), 7):
-        parts.write(levels.values, np.arange(1024), frames, rows)
+    for rows in np.array_split(np.random.default_rng(0).permutation(256), 7):
+        parts.write(levels.values, np.arange(256), frames, rows)
     np.testing.assert_array_equal(frames, together)
     alone, one = pixels.bind(levels, 1), np.zeros((1, 64, 64, 3), np.uint8)
-    for i in (0, 1, 500, 1023):
+    for i in (0, 1, 100, 255):
         if hasattr(alone, "start"):
             alone.start(keys[i : i + 1], np.array([i]), np.array([True]))
         alone.begin(levels.values[i : i + 1], np.array([i]), np.array([True]))
