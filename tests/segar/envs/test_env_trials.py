@@ -12,7 +12,6 @@ from torchrl.envs.utils import check_env_specs
 
 import segar
 from segar.envs import Env, SB3VecEnv, Snapshot, TorchRLEnv, VectorEnv
-from segar.errors import SegarError
 from segar.observations import PreviousStep
 
 LEVELS = segar.family("objectsx1-easy").sample(40, seed=0)
@@ -154,11 +153,3 @@ def test_stable_baselines_says_which_trial_ended():
         infos = env.step(action)[3]  # type: ignore[arg-type]
         ended += [info["trial"] for info in infos[:1] if "episode" in info]
     assert ended[:6] == [0, 1, 2, 0, 1, 2]
-
-
-@pytest.mark.parametrize("wrong", [0, -1, 1.5, True, "2", None])
-@pytest.mark.parametrize("kind", [Env, VectorEnv, TorchRLEnv, SB3VecEnv])
-def test_a_wrong_number_of_trials_is_refused_by_name(kind, wrong):
-    given = () if kind is Env else (2,)
-    with pytest.raises(SegarError, match="trials must be a whole number from 1 to"):
-        kind(LEVELS, *given, trials=wrong)

@@ -118,11 +118,8 @@ def test_a_normalised_state_has_the_units_of_training_on_both_sides():
     ("options", "message"),
     [
         ({"obs": "rgb"}, r"evaluate_on_suite: there is no option 'obs'. Did you mean 'observation'\?"),
-        ({"num_envs": 3}, "evaluate_on_suite: 'num_envs' is not to be chosen here"),
         ({"max_steps": 10}, "the suite place-few-v1 says what is played, .*; leave max_steps out"),
         ({"task": segar.puttputt()}, "the suite place-few-v1 says what is played, .*; leave task out"),
-        ({"scores": "yes"}, "scores must be True or False, not 'yes'"),
-        ({"distances": "exact"}, r"distances must be a sequence of modes, such as \('exact',\), not 'exact'"),
         ({"seed": -1}, "place-few-v1: a seed is a whole number from 0"),
         ({"training_levels": 2.5}, "number of training levels must be a whole number from 1 up, not 2.5"),
     ],
