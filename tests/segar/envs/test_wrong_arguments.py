@@ -55,7 +55,8 @@ OPTIONS = {  # values that an argument cannot have
 }
 RESETS = {
     "text for the seed": ({"seed": "1"}, "seed"),
-    "too many seeds": ({"seed": [1, 2, 3]}, "seed"),
+    "too many seeds": ({"seed": [1, 2, 3]}, "give one seed, or 2, not 3"),
+    "a negative seed": ({"seed": [1, -4]}, "a seed is a whole number"),
     "a list of options": ({"options": [1]}, "options"),
     "unknown option": ({"options": {"lavels": [0, 0]}}, "lavels"),
     "a number for an option's name": ({"options": {1: 2}}, "1"),
