@@ -92,15 +92,10 @@ def test_composed_and_random_observations_are_played_again_as_well(levels, obser
         check_replay(dataset, observation="rgb" if isinstance(seen, dict) else {"a": "rgb"})
 
 
-def test_the_environment_is_recovered_with_its_levels(recorded):
+def test_the_recovered_environment_plays_every_recorded_episode_again(recorded):
     env = recorded.recover_environment()
     assert hash_of_levels(env.unwrapped.levels) == hash_of_levels(levels_of(recorded))
     assert env.spec.id == "Segar-objectsx1-hard-rgb-v0" and env.spec.max_episode_steps == 9
-    assert env.observation_space.shape == (64, 64, 3)
-
-
-def test_the_recovered_environment_plays_every_recorded_episode_again(recorded):
-    env = recorded.recover_environment()
     for episode, options in zip(recorded, options_in(recorded), strict=True):
         seen = [env.reset(options=options)[0]] + [env.step(action)[0] for action in episode.actions]
         np.testing.assert_array_equal(seen, episode.observations)

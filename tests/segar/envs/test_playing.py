@@ -35,12 +35,6 @@ def idle(observations):
     return np.zeros((len(observations), 2), np.float32)
 
 
-def test_the_start_is_yielded_before_any_step():
-    source = Countdown(3)
-    start = next(play(source, idle, (source.left, {})))
-    assert start.time == 0 and start.running.all() and not start.played.any() and not start.ended.any()
-
-
 @pytest.mark.parametrize("kind", [Countdown, Shrinking])
 def test_every_episode_is_played_to_its_end_once(kind):
     source = kind(8)

@@ -81,19 +81,6 @@ def test_scores_are_those_of_the_baselines():
     assert "score" in str(found) and "regret" in str(found)
 
 
-def test_a_policy_with_begin_sees_the_environments_before_it_acts():
-    class Pushing:
-        def begin(self, env):
-            self.env, self.task = env, env.task
-
-        def __call__(self, observations):
-            return self.task.scripted_actions(self.env.factors)
-
-    found = segar.evaluate_policy(Pushing(), TRAIN, TEST)
-    rows = play_episodes(evaluation.Scripted(), TRAIN, np.arange(len(TRAIN)), {}, rng=None, seed=0)
-    assert found.train.episodes.returns.tolist() == [row["return"] for row in rows]
-
-
 def test_the_policy_gets_the_observations_of_all_environments_in_every_step():
     seen = []
 

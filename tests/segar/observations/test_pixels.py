@@ -6,14 +6,12 @@ import pytest
 from segar.errors import FactorError
 from segar.language.entities import (
     Ball,
-    Charger,
     CueBall,
     GoalTile,
     GolfBall,
-    Magnet,
     SandTile,
 )
-from segar.language.factors import Charge, Magnetism, Position, Size, Visible
+from segar.language.factors import Position, Size, Visible
 from segar.observations.pixels.solid_colours import COLOURS, FLOOR, Colour, Pixels, colour_of
 from tests.segar.observations.plain_renderer import Look, draw_plainly
 from tests.segar.observations.scenes import ANYTHING, Scene, draw, put, scene
@@ -91,13 +89,6 @@ def test_all_types_look_different_whatever_their_factors():
     for i, a in enumerate(shown):
         for b in shown[:i]:
             assert np.linalg.norm(a[:, None] - b, axis=-1).min() > 50
-
-
-@pytest.mark.parametrize("entity", [Charger, Magnet])
-def test_a_field_of_the_other_sign_looks_quite_different(entity):
-    colour = COLOURS[entity]
-    assert colour.factor in (Charge, Magnetism) and colour.span == (-1.0, 1.0)
-    assert np.linalg.norm(np.array(colour.low) - np.array(colour.high)) > 200
 
 
 def test_a_users_type_looks_like_its_nearest_ancestor_unless_it_has_a_colour():

@@ -1,6 +1,5 @@
 """Textured pixels in environments: episodes, snapshots, interventions, and Gymnasium's single face."""
 
-import gymnasium
 import numpy as np
 
 import segar
@@ -42,9 +41,3 @@ def test_an_intervention_shows_at_once_and_only_where_it_happened():
     after = env.intervene("golfball", Charge, -0.7, where=where)
     np.testing.assert_array_equal((before != after).any(axis=(1, 2, 3)), where)
     np.testing.assert_array_equal(env.intervene("golfball", Mass, 5.0), after)
-
-
-def test_gymnasium_makes_single_environments_with_textures():
-    env = gymnasium.make("Segar-empty-easy-rgb-linear-v0", observation="textures", num_levels=2)
-    frame, _ = env.reset(seed=0)
-    assert frame.shape == (64, 64, 3) and len(np.unique(frame.reshape(-1, 3), axis=0)) > 10
