@@ -172,5 +172,3 @@ def test_a_snapshot_whose_arrays_do_not_fit_each_other_is_refused(running, tmp_p
     FORMAT.write(tmp_path / "changed.npz", arrays | {name: array}, {"seed": 1, "memory": memory})
     with pytest.raises(SegarError, match=rf"changed.npz is not a snapshot.*: the array {words}; save"):
         Snapshot.load(tmp_path / "changed.npz")
-
-
