@@ -23,7 +23,7 @@ from segar.language.rule_definition import rule
 from segar.levels.named_families import family
 from segar.rules import DEFAULT_RULES, move
 from segar.rules.world import World
-from segar.support import cache_folder, compiled
+from segar.support import cache_folder, compiled, is_trusted
 from segar.tasks.puttputt_task import puttputt
 from tests.places import ROOT
 from tests.segar.engine.worlds import start
@@ -273,6 +273,14 @@ def test_a_folder_to_which_others_write_is_refused_and_left_alone(folder, monkey
     with pytest.raises(SegarError, match=r"others can write to .*chmod go-w .*, or set SEGAR_CACHE_DIR"):
         load_module(KERNEL)
     assert mode(folder / part) == bits
+
+
+@pytest.mark.parametrize("part", ["", "__pycache__"])
+def test_ready_kernels_are_trusted_where_nobody_else_can_write(folder, part):
+    load_module(KERNEL)
+    assert is_trusted(folder)
+    (folder / part).chmod(0o770)
+    assert not is_trusted(folder)
 
 
 @pytest.mark.parametrize("part", ["", "__pycache__"])

@@ -139,11 +139,12 @@ def test_a_relation_on_the_label_picks_entities_by_type():
     assert (column(levels, "ball", Mass) == 1.0).all() and (column(levels, "magnet", Mass) == 3.0).all()
 
 
-def test_a_relation_on_a_number_makes_one_factor_depend_on_another():
+@pytest.mark.parametrize("kind", [None, Ball])
+def test_a_relation_on_a_number_makes_one_factor_depend_on_another(kind):
     priors = [
         ANYWHERE,
-        Prior(Mass, UniformNoise(1.0, 2.0)),
-        Prior(Mass, UniformNoise(5.0, 6.0), relation=is_positive),
+        Prior(Mass, UniformNoise(1.0, 2.0), entity_type=kind),
+        Prior(Mass, UniformNoise(5.0, 6.0), entity_type=kind, relation=is_positive),
         Prior(Charge, UniformNoise(-1.0, 1.0)),
     ]
     levels = LevelDistribution([(Ball, 1)], priors).sample(200)
