@@ -67,46 +67,35 @@ def act(policy, env, observation, rng=None):
 VARIANTS = ("ppo_procgen", "drq_2022", "curl_original", "spr_original")  # of others here, by settings alone
 
 
-@pytest.fixture(params=[pytest.param(name, marks=[pytest.mark.slow] * (name in VARIANTS)) for name in TINY])
+def iterated(one, times=2):
+    """The figures of the learner's next iterations."""
+    return [one.iterate() for _ in range(times)]
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=[pytest.mark.slow] * (name in VARIANTS)) for name in TINY]
+)
 def config(request):
     return tiny(request.param)
 
 
-def test_equal_seeds_give_equal_weights_whatever_torchs_generator_does_and_others_others(config):
-    def trained(seed, global_seed):
-        torch.manual_seed(global_seed)
-        one = learner(config, seed)
-        figures = [one.iterate() for _ in range(3)]
-        return weights(one), figures
-
-    (a, figures), (b, again), (c, _) = trained(0, 1), trained(0, 2), trained(1, 1)
-    assert torch.equal(a, b) and figures == again
-    assert not torch.equal(a, c)
-    assert np.isfinite([value for one in figures for value in one.values()]).all()
-
-
-def test_a_run_goes_on_from_a_checkpoint_bit_for_bit(config, tmp_path):
+@pytest.fixture(scope="module")
+def trained(config, tmp_path_factory):
+    """A learner that has learned a little, its figures, and the folder of its checkpoint."""
+    folder = tmp_path_factory.mktemp("trained")
+    torch.manual_seed(1)
     one = learner(config)
-    for _ in range(3):
-        one.iterate()
-    save_checkpoint(tmp_path, config, one, {"seconds": 0.0}, {})
-    other = learner(config, seed=7)
-    other.iterate()  # what it knows is forgotten
-    assert resume_checkpoint(tmp_path, config, other, {}) == {"seconds": 0.0}
-    assert other.frames == one.frames
-    for _ in range(3):
-        assert one.iterate() == other.iterate()
-    assert torch.equal(weights(one), weights(other))
+    figures = iterated(one)
+    save_checkpoint(folder, config, one, {"seconds": 0.0}, {})
+    return one, figures, folder
 
 
-def test_a_policy_acts_and_represents_and_can_be_filled_without_an_environment(config, tmp_path):
-    one = learner(config)
-    one.iterate()
-    save_checkpoint(tmp_path, config, one, {"seconds": 0.0}, {})
+def test_a_policy_acts_and_represents_and_can_be_filled_without_an_environment(config, trained):
+    one, _, folder = trained
     env = type(one).make_env(make_levels(config.levels)[0], 5, seed=0, observation=config.observation.name)
     observation, _ = env.reset()
     policy = type(one).make_policy(config.algorithm, observation.shape[1:], 2)
-    assert load_newest_policy(tmp_path, policy) == one.frames
+    assert load_newest_policy(folder, policy) == one.frames
     actions = act(policy, env, observation)
     assert actions.shape == (5, 2) and actions.dtype == np.float32 and (abs(actions) <= 1).all()
     assert (actions == act(one.policy, env, observation)).all()
@@ -114,3 +103,17 @@ def test_a_policy_acts_and_represents_and_can_be_filled_without_an_environment(c
     assert (draws[0] == draws[1]).all() and (draws[0] != draws[2]).any()
     assert policy.represent(observation).shape[0] == 5
     assert np.isfinite(policy.represent(observation)).all()
+
+
+def test_equal_seeds_give_equal_weights_whatever_torchs_generator_does_and_runs_go_on_bit_for_bit(config, trained):
+    one, figures, folder = trained
+    torch.manual_seed(2)
+    same, other = learner(config), learner(config, seed=1)
+    assert iterated(same) == figures and torch.equal(weights(same), weights(one))
+    assert np.isfinite([value for iteration in figures for value in iteration.values()]).all()
+    iterated(other)
+    assert not torch.equal(weights(one), weights(other))
+    assert resume_checkpoint(folder, config, other, {}) == {"seconds": 0.0}  # what it knows is forgotten
+    assert other.frames == one.frames
+    assert iterated(one) == iterated(other)
+    assert torch.equal(weights(one), weights(other))

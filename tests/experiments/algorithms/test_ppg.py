@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 import torch
 
@@ -31,37 +30,27 @@ def after_a_policy_phase(config=CONFIG, **options):
     return one
 
 
-def state_of(module):
-    return {name: value.clone() for name, value in module.state_dict().items()}
+def moved_by(phase, policy):
+    """The parts of the policy whose weights a phase changes."""
+    before = {name: value.clone() for name, value in policy.state_dict().items()}
+    phase()
+    return {name.split(".")[0] for name, weight in policy.state_dict().items() if not torch.equal(weight, before[name])}
 
 
-def test_the_losses_are_those_of_their_definition():
+def test_the_losses_are_those_of_their_definition_and_so_are_their_gradients():
     one = after_a_policy_phase()
     batch = one.auxiliary_batch().flatten()
     one.learn_auxiliary()  # for a policy that is not the one before
-    with torch.no_grad():
-        found = auxiliary_losses(one.policy, batch)
-        loc, scale, hidden = one.policy.actor(batch["observation"])
-        values = one.policy.auxiliary(hidden), one.policy.value(batch["observation"])
-    m, s, m2, s2 = (part.double().numpy() for part in (batch["loc"], batch["scale"], loc, scale))
-    divergence = (np.log(s2 / s) + (s**2 + (m - m2) ** 2) / (2 * s2**2) - 0.5).sum(-1)
-    expected = [divergence.mean(), *(0.5 * ((v - batch["value_target"]) ** 2).mean().item() for v in values)]
-    assert [loss.item() for loss in found] == pytest.approx(expected, rel=1e-4)
-
-
-def test_the_gradients_are_those_of_autograd_on_a_plain_twin():
-    one = after_a_policy_phase()
-    minibatch = one.auxiliary_batch().flatten()[:40]
-    one.learn_auxiliary()
-    clone, aux, value = auxiliary_losses(one.policy, minibatch)
-    found = torch.autograd.grad(2.0 * clone + aux + value, [*one.policy.parameters()])
-    policy = one.policy
-    loc, scale, hidden = policy.actor(minibatch["observation"])
-    m, s, target = minibatch["loc"], minibatch["scale"], minibatch["value_target"]
-    plain = 2.0 * ((scale / s).log() + (s**2 + (m - loc) ** 2) / (2 * scale**2) - 0.5).sum(-1).mean()
-    plain = plain + ((policy.auxiliary(hidden) - target) ** 2).mean() / 2
-    plain = plain + ((policy.value(minibatch["observation"]) - target) ** 2).mean() / 2
-    for a, b in zip(found, torch.autograd.grad(plain, [*policy.parameters()]), strict=True):
+    found, policy = auxiliary_losses(one.policy, batch), one.policy
+    loc, scale, hidden = policy.actor(batch["observation"])
+    m, s, target = batch["loc"], batch["scale"], batch["value_target"]
+    divergence = ((scale / s).log() + (s**2 + (m - loc) ** 2) / (2 * scale**2) - 0.5).sum(-1)
+    values = policy.auxiliary(hidden), policy.value(batch["observation"])
+    plain = [divergence.mean(), *(0.5 * ((value - target) ** 2).mean() for value in values)]
+    torch.testing.assert_close(list(found), plain, rtol=1e-4, atol=1e-6)
+    weights = [*policy.parameters()]
+    gradients = (torch.autograd.grad(2.0 * clone + aux + value, weights) for clone, aux, value in (found, plain))
+    for a, b in zip(*gradients, strict=True):
         torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-6)
 
 
@@ -90,20 +79,10 @@ def test_policy_and_value_share_no_weight_and_a_policy_phase_leaves_the_auxiliar
         {id(w) for w in m.parameters()} for m in (one.policy.actor, one.policy.value, one.policy.auxiliary)
     )
     assert not actor & value and not auxiliary & (actor | value)
-    before = state_of(one.policy)
-    PPO.iterate(one)
-    moved = {
-        name.split(".")[0] for name, weight in one.policy.state_dict().items() if not torch.equal(weight, before[name])
-    }
-    assert moved == {"actor", "value"}
+    assert moved_by(lambda: PPO.iterate(one), one.policy) == {"actor", "value"}
     PPO.iterate(one)
     PPO.iterate(one)
-    before = state_of(one.policy)
-    one.learn_auxiliary()
-    moved = {
-        name.split(".")[0] for name, weight in one.policy.state_dict().items() if not torch.equal(weight, before[name])
-    }
-    assert moved == {"actor", "value", "auxiliary"}
+    assert moved_by(one.learn_auxiliary, one.policy) == {"actor", "value", "auxiliary"}
 
 
 def test_a_phase_has_so_many_rollouts_and_what_is_left_of_the_budget_has_no_auxiliary_phase():

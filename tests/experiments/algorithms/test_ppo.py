@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -11,8 +10,6 @@ from tensordict import TensorDict
 
 from segar import family
 from segar.envs import VectorEnv
-from segar.envs.torchrl_env import TorchRLEnv
-from segar.errors import ActionError
 from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.collection.collector import Rollout
 from segar.experiments.collection.rewards import ReturnScale, learner_reward
@@ -105,7 +102,7 @@ def random_rollout(steps=9, envs=4, seed=0):
     )
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_advantages_are_those_of_their_definition(seed):
     rollout = random_rollout(seed=seed)
     config = dataclasses.replace(SMALL, gamma=0.9, gae_lambda=0.7, reward_transform="sqrt")
@@ -185,16 +182,6 @@ def test_normalised_rewards_are_divided_by_the_deviation_of_all_discounted_retur
     fresh = ReturnScale(3, gamma=0.8)
     fresh(torch.zeros(5, 3, 1), torch.zeros(5, 3, 1, dtype=torch.bool))
     assert fresh(torch.full((1, 3, 1), 1e4), torch.ones(1, 3, 1, dtype=torch.bool)).max() <= 10.0
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_an_action_that_is_not_finite_is_refused_with_its_environment(bad):
-    env = TorchRLEnv(LEVELS, 3, seed=0)
-    env.reset()
-    action = torch.zeros(3, 2)
-    action[1, 0] = bad
-    with pytest.raises(ActionError, match="the action of environment 1 is not finite"):
-        env.step(TensorDict({"action": action}, [3]))
 
 
 def test_a_frame_is_copied_once_on_its_way_from_the_engine_to_the_loss():

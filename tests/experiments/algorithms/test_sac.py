@@ -68,19 +68,6 @@ def test_critics_learn_towards_targets_that_are_those_of_their_definition():
     torch.testing.assert_close(figures["loss_qvalue"], expected, rtol=1e-4, atol=1e-6)
 
 
-def test_a_terminated_step_looks_at_nothing_beyond_it_and_a_truncated_one_does():
-    one = learner()
-    values = []
-    for row, change in ((0, 0.0), (0, 5.0), (1, 5.0), (2, 5.0)):
-        batch = toy_batch(one.shape[0])
-        batch["next", "observation"][row] += change
-        one.rng.manual_seed(0)
-        values.append(one.loss(batch)["loss_qvalue"].item())
-    unchanged, goes_on, truncated, terminated = values
-    assert goes_on != unchanged and truncated != unchanged
-    assert terminated == unchanged
-
-
 def test_the_policys_loss_is_that_of_its_definition_and_moves_no_critic():
     one = learner()
     batch = toy_batch(one.shape[0])
