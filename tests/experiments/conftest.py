@@ -1,10 +1,14 @@
-"""Plug-ins that tests register, and a pool of processes without processes."""
+"""Plug-ins that tests register, a pool of processes without processes, and a run that many tests read."""
 
 import os
+import shutil
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 
 import pytest
+
+from segar.experiments.training.run import run
+from tests.experiments.short_runs import short_run
 
 
 class Here(Executor):
@@ -28,6 +32,25 @@ def working_here():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("segar.experiments.reproduction.process_pool._pool", contextmanager(lambda _: (yield Here())))
         yield
+
+
+@pytest.fixture(scope="session")
+def trained_and_said(tmp_path_factory):
+    """The folder of a finished run with the settings of ``short_run``, which is read and never changed, and what it said."""
+    said = []
+    return run(short_run(tmp_path_factory.mktemp("trained") / "run"), said.append).folder, said
+
+
+@pytest.fixture(scope="session")
+def trained_once(trained_and_said):
+    return trained_and_said[0]
+
+
+@pytest.fixture
+def finished(trained_once, tmp_path):
+    """The settings of a finished run whose folder, ``run``, is a test's own."""
+    shutil.copytree(trained_once, tmp_path / "run")
+    return short_run(tmp_path / "run")
 
 
 @pytest.fixture

@@ -46,9 +46,10 @@ def config(request):
 
 
 def test_the_loss_falls_on_a_fixed_rollout(config):
-    one = learner(dataclasses.replace(config, auxiliary_minibatches=1, learning_rate=1e-3))
+    is_contrast = isinstance(config, CURLConfig)  # which starts where all frames look alike
+    one = learner(dataclasses.replace(config, auxiliary_minibatches=1, learning_rate=3e-3 if is_contrast else 1e-3))
     rollout, _ = one.ppo.collect()
-    steps = 300 if isinstance(config, CURLConfig) else 30  # a contrast starts where all frames look alike
+    steps = 200 if is_contrast else 30
     losses = [one.learn(rollout)["auxiliary/loss"] for _ in range(steps)]
     assert sum(losses[-5:]) < 0.6 * sum(losses[:5])
 

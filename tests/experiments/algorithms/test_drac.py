@@ -82,7 +82,7 @@ def test_the_policy_changes_less_under_the_augmentation_than_ppos(name):
     few = {"num_envs": 16, "epochs": 4, "initial_std": 0.6, "gamma": 0.9, "head_width": 0, "reward_transform": "sqrt"}
     config = dataclasses.replace(CONFIG, augmentations=(name,), invariance_coef=1.0, **few)
     ours, plain = learner(config), learner(dataclasses.replace(config, invariance_coef=0.0))
-    for _ in range(5):
+    for _ in range(3):
         rollout, _ = plain.collect()
         ours.learn(rollout)
         plain.learn(rollout)

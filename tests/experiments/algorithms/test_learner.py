@@ -7,8 +7,7 @@ import pytest
 from torch import nn
 
 from segar.experiments.algorithms.learner import learner_class, make_learner
-from segar.experiments.algorithms.ppo import PPO
-from segar.experiments.settings import AlgorithmConfig, ConfigError, PPOConfig
+from segar.experiments.settings import AlgorithmConfig, ConfigError
 from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
@@ -49,10 +48,6 @@ class OwnConfig(AlgorithmConfig):
 @dataclass(frozen=True)
 class NamelessConfig(AlgorithmConfig):
     name: str = "nameless"
-
-
-def test_the_learners_here_have_all():
-    assert learner_class(PPOConfig()) is PPO
 
 
 def test_a_run_names_the_methods_that_its_learner_lacks_and_leaves_no_folder(tmp_path):

@@ -83,6 +83,12 @@ def row_made_here(config, of=SUITE):
     )
 
 
+@pytest.fixture
+def idle(tmp_path):
+    """The row of a player that does nothing, and its folder, which is a test's own."""
+    return row_made_here(config_of(tmp_path, player="idle"))
+
+
 def edited(row, **changes):
     """The row with another description whose hash is right."""
     data = json.loads((row.folder / ROW).read_text())
@@ -109,14 +115,20 @@ def test_a_player_becomes_a_row_that_plays_again_to_the_bit(tmp_path, monkeypatc
     assert is_verified(row) and not is_verified(dataclasses.replace(row, means="0"))
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, None])
-def test_returns_that_are_no_numbers_are_refused_by_file_and_column(tmp_path, value):
-    row = row_made_here(config_of(tmp_path, player="idle"))
+def forged(row, number, change):
+    """The row whose episode of this number has another return, and whose hashes fit."""
     episodes = row.episodes()
-    returns = pa.array([value, *episodes["return"].to_pylist()[1:]], pa.float64())
+    returns = episodes["return"].to_pylist()
+    returns[number] = change(returns[number])
     place = episodes.schema.get_field_index("return")
-    pq.write_table(episodes.set_column(place, EPISODES.field("return"), returns), row.folder / TABLE)
-    row = edited(row, files={TABLE: file_hash(row.folder / TABLE)})
+    column = pa.array(returns, pa.float64())
+    pq.write_table(episodes.set_column(place, EPISODES.field("return"), column), row.folder / TABLE)
+    return edited(row, files={TABLE: file_hash(row.folder / TABLE)})
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, None])
+def test_returns_that_are_no_numbers_are_refused_by_file_and_column(idle, value):
+    row = forged(idle, 0, lambda _: value)
     for read in (row.results, lambda: verify(row)):
         with pytest.raises(
             RunFolderError, match=r"episodes.parquet: some values in the column 'return' are absent or not"
@@ -124,32 +136,20 @@ def test_returns_that_are_no_numbers_are_refused_by_file_and_column(tmp_path, va
             read()
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{"name": "../x"}, {"name": "<b>"}, {"name": "a|b"}, {"name": ""}],
-)
-def test_texts_that_no_page_should_show_are_refused_by_their_names(tmp_path, changes):
-    (name,) = changes
-    with pytest.raises(RunFolderError, match=f"row.json: {name}: "):
-        edited(row_made_here(config_of(tmp_path, player="idle")), **changes)
+def test_texts_that_no_page_should_show_are_refused_by_their_names(idle):
+    for name in ("../x", "<b>", "a|b", ""):
+        with pytest.raises(RunFolderError, match=r"row\.json: name: "):
+            edited(idle, name=name)
 
 
-def test_a_changed_episode_is_found_and_named_though_all_hashes_were_made_to_fit(tmp_path):
-    row = row_made_here(config_of(tmp_path, player="idle"))
-    episodes = row.episodes()
-    returns = episodes["return"].to_numpy().copy()
-    returns[30] = np.nextafter(returns[30], 9)
-    place = episodes.schema.get_field_index("return")
-    pq.write_table(episodes.set_column(place, EPISODES.field("return"), [returns]), row.folder / TABLE)
-    forged = edited(row, files={TABLE: file_hash(row.folder / TABLE)})
+def test_a_changed_episode_is_found_and_named_though_all_hashes_were_made_to_fit(idle):
     with pytest.raises(RunFolderError, match=r"place-few-v1-s1: the return of the episode on test level 5 is .* 1"):
-        verify(forged)
+        verify(forged(idle, 30, lambda value: np.nextafter(value, 9)))
 
 
-def test_another_version_of_a_suite_or_other_training_levels_are_refused(tmp_path):
-    row = row_made_here(config_of(tmp_path, player="idle"))
-    data = json.loads((row.folder / ROW).read_text())
-    piece = data["pieces"][0]
+def test_another_version_of_a_suite_or_other_training_levels_are_refused(idle):
+    row = idle
+    piece = json.loads((row.folder / ROW).read_text())["pieces"][0]
     with pytest.raises(RunFolderError, match="played on place-few-v1 with the hash 0000, and the suite of this name"):
         verify(edited(row, pieces=[{**piece, "suite_hash": "0000"}]))
     with pytest.raises(RunFolderError, match="the train levels of place-few-v1 with seed 1 are not those"):
@@ -161,39 +161,31 @@ def test_another_version_of_a_suite_or_other_training_levels_are_refused(tmp_pat
 @pytest.mark.parametrize(
     "name", ["segar.engine.targets.numba_ir:subprocess.run", f"{LAB}:policy", "{lab}/evil.py:seen"]
 )
-def test_a_row_of_somebody_else_imports_nothing_without_trust(tmp_path, name):
+def test_a_row_of_somebody_else_imports_nothing_without_trust(tmp_path, idle, name):
     (tmp_path / "evil.py").write_text(f"open({str(tmp_path / 'imported')!r}, 'w').close()\n")
     options = {"args": f"touch {tmp_path / 'imported'}", "shell": True}
     seen = {"name": name.replace("{lab}", str(tmp_path)), "options": options}
-    row = row_made_here(config_of(tmp_path, player="idle"))
     for settings in (
         {"observation": seen},
         {"task": seen},
         {"algorithm": {"_target_": seen["name"].replace(":", ".")}},
     ):
-        hostile = edited(row, kind="networks", settings=settings)
+        hostile = edited(idle, kind="networks", settings=settings)
         for made in (verify, lambda row: again(config_of(tmp_path), row))["observation" not in settings :]:
             with pytest.raises(
                 RunFolderError, match=r"row.json was not written by you .* \(settings\.\w+\.(name|_target_)\)"
             ):
                 made(hostile)
     assert not (tmp_path / "imported").exists()
-    trusted = edited(row, kind="networks", settings={"observation": {"name": f"{LAB}:policy"}})
+    trusted = edited(idle, kind="networks", settings={"observation": {"name": f"{LAB}:policy"}})
     (found,) = again(config_of(tmp_path, trust=True), trusted)
     assert found.run.observation.name == f"{LAB}:policy"
 
 
-def test_a_row_says_nothing_of_where_runs_lie(tmp_path):
-    row = edited(row_made_here(config_of(tmp_path, player="idle")), settings={"folder": "/elsewhere", "restart": True})
+def test_a_row_says_nothing_of_where_runs_lie(tmp_path, idle):
+    row = edited(idle, settings={"folder": "/elsewhere", "restart": True})
     (found,) = again(config_of(tmp_path), row)
     assert (found.run.folder, found.run.restart) == (None, False)
-
-
-def test_a_method_from_outside_becomes_a_row_of_its_actions(tmp_path):
-    row = row_made_here(config_of(tmp_path, policy=f"{LAB}:policy", row="mine"))
-    assert row.method.kind == "actions" and verify(row) == 225
-    actions = read_actions(row.folder / f"{SUITE}-s1.npz")
-    assert actions["test"].shape[::2] == (200, 2) and np.abs(actions["test"]).max() <= 1
 
 
 def test_a_policy_in_onnx_is_carried_and_plays_to_the_bit_without_trust(tmp_path, few_drawn):
@@ -309,12 +301,6 @@ def test_recorded_actions_are_practice_alone_and_a_policy_must_be_the_one_that_w
         drawn_here(fickle)
 
 
-def test_a_policy_with_a_memory_is_told_that_episodes_begin_and_not_on_which_levels(tmp_path):
-    row = row_made_here(config_of(tmp_path, policy=f"{LAB}:Remembers", row="mine"))
-    actions = read_actions(row.folder / f"{SUITE}-s1.npz")
-    assert (np.diff(actions["test"][:, :3, 0]) > 0).mean() > 0.9, "it counts the steps of each episode"
-
-
 def test_a_panel_of_players_whose_places_are_known_is_green(tmp_path, few_drawn):
     path = tmp_path / "panel.json"
     play_panel(PanelTask(SUITE, SHIPPED / "ppo_fast-state-laptop", path))
@@ -388,11 +374,10 @@ def test_an_agent_that_sees_no_textures_leaves_their_suites_out(tmp_path):
         assert chosen == ("look-far-v1", SUITE)
 
 
-def test_scores_need_references_that_no_folder_has(tmp_path, monkeypatch):
+def test_scores_need_references_that_no_folder_has(tmp_path, idle, monkeypatch):
     monkeypatch.setattr("segar.experiments.benchmarking.settings.SHIPPED", tmp_path / "none")
-    wanted = [one.player for one in references_of(config_of(tmp_path, policy="a:b", row="mine"))]
+    wanted = [one.player for one in references_of(config_of(tmp_path / "other", policy="a:b", row="mine"))]
     assert wanted == ["idle", "random", "planner"]
-    row_made_here(config_of(tmp_path, player="idle"))
     assert [one.player for one in references_of(config_of(tmp_path))] == ["random", "planner"]
 
 
@@ -443,9 +428,11 @@ def test_a_row_has_the_episodes_on_causal_twins_but_the_references_have_none(tmp
     assert {*row_made_here(config_of(tmp_path, player="idle"), WITH_TWINS).pieces[0].levels} == {"train", "test"}
 
 
-def test_actions_of_a_method_from_outside_can_be_those_on_twins(tmp_path):
-    row = row_made_here(config_of(tmp_path, policy=f"{LAB}:policy", row="mine"), WITH_TWINS)
+def test_a_method_from_outside_becomes_a_row_of_its_actions_and_is_told_that_episodes_begin(tmp_path):
+    row = row_made_here(config_of(tmp_path, policy=f"{LAB}:Remembers", row="mine"), WITH_TWINS)
     actions = read_actions(row.folder / f"{WITH_TWINS}-s1.npz")
+    assert row.method.kind == "actions" and actions["test"].shape[::2] == (200, 2)
+    assert (np.diff(actions["test"][:, :3, 0]) > 0).mean() > 0.9, "it counts the steps of each episode"
     assert {*actions} == {*row.pieces[0].levels} and any(name.startswith("twin-") for name in actions)
     assert verify(row) == sum(map(len, actions.values()))
     write_actions(tmp_path / "given" / f"{WITH_TWINS}-s1.npz", {**actions, "twin-Hue": actions["test"]})

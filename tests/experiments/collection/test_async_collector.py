@@ -12,7 +12,6 @@ from segar.experiments.algorithms.drac import DrAC
 from segar.experiments.algorithms.ppg import PPG
 from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
-from segar.experiments.collection.async_collector import AsyncCollector
 from segar.experiments.settings import CURLConfig, DrACConfig, PPGConfig, PPOConfig
 from segar.experiments.training.run import run
 from tests.experiments.conftest import Here
@@ -76,16 +75,22 @@ def test_nothing_is_collected_that_nobody_learns_on():
     assert pending == [True, True, False]
 
 
+OVERLAPPING = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0, overlap=True)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The folder of a run that was not interrupted."""
+    return run(short_run(tmp_path_factory.mktemp("whole") / "run", algorithm=OVERLAPPING)).folder
+
+
 @pytest.mark.parametrize("killed", [1, 2, 3])
-def test_a_resumed_run_collects_again_what_was_being_collected(tmp_path, monkeypatch, killed):
-    algorithm = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0, overlap=True)
-    whole = short_run(tmp_path / "whole", algorithm=algorithm)
-    run(whole)
-    parts = short_run(tmp_path / "parts", algorithm=algorithm)
+def test_a_resumed_run_collects_again_what_was_being_collected(tmp_path, whole, monkeypatch, killed):
+    parts = short_run(tmp_path / "parts", algorithm=OVERLAPPING)
     with killed_after(killed, monkeypatch):
         run(parts)
     assert run(parts).summary["frames"] == FRAMES * ITERATIONS
-    assert same_results(tmp_path / "parts", tmp_path / "whole")
+    assert same_results(tmp_path / "parts", whole)
 
 
 def test_what_goes_wrong_while_collecting_is_raised_where_it_is_waited_for():
@@ -94,10 +99,3 @@ def test_what_goes_wrong_while_collecting_is_raised_where_it_is_waited_for():
         one.policy.actor.mean[-1].bias.fill_(float("nan"))
     with pytest.raises(ActionError):
         one.collect()
-
-
-def test_a_copy_acts_and_has_no_gradients():
-    collector = learner().collector
-    assert isinstance(collector, AsyncCollector)
-    known = {id(weight) for weight in collector.policy.parameters()}
-    assert not any(id(weight) in known or weight.requires_grad for weight in collector.behaviour.parameters())

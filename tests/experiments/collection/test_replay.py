@@ -97,7 +97,7 @@ def test_draws_are_uniform_over_steps():
 
 
 @pytest.mark.parametrize("frames", [False, True])
-@pytest.mark.parametrize("steps", [0, 10, 400, 1500])
+@pytest.mark.parametrize("steps", [0, 10, 400])
 def test_a_replay_goes_on_from_a_checkpoint_as_if_nothing_had_happened(frames, steps):
     def made(seed):
         return replay_of(1000, 3, seed), Walk(3, frames=frames)

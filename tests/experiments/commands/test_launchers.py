@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from segar.experiments.algorithms.checkpoint import read_checkpoint
-from segar.experiments.commands.hydra_app import compose
 from segar.experiments.runs.journal import read_journal
 from segar.experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, read_summary, run_folders
-from segar.experiments.settings import RunConfig, TrackingConfig
+from segar.experiments.settings import TrackingConfig
 from segar.experiments.tracking.mlflow_store import open_store
 from segar.support import WORKSPACE
 from tests.experiments.short_runs import COMMAND, run_module, same_results
@@ -30,12 +29,6 @@ def sweep(cwd, *arguments, **more):
 
 def seeds(root):
     return sorted(read_config(folder).seed for folder in run_folders(root) if is_finished(folder))
-
-
-def test_the_demonstration_is_a_sweep_of_four_runs_of_one_configuration():
-    config = compose(["+sweep=demo"])
-    assert isinstance(config, RunConfig)
-    assert (config.levels.train, config.scale.frames, config.tracking.sweep) == ("empty-easy", 40_000, "demo")
 
 
 @pytest.mark.slow

@@ -132,10 +132,9 @@ def test_a_stream_of_a_suite_has_no_level_of_its_test():
     assert not near_levels(levels, of_suite.test_levels, 0.0, of_suite.train).any()
 
 
-def test_a_uniform_curriculum_on_a_fixed_set_changes_no_bit(tmp_path):
-    run(short_run(tmp_path / "none"), say=lambda _: None)
+def test_a_uniform_curriculum_on_a_fixed_set_changes_no_bit(tmp_path, trained_once):
     run(short_run(tmp_path / "uniform", curriculum=UniformConfig()), say=lambda _: None)
-    columns = [read_metrics(tmp_path / one).to_pylist() for one in ("none", "uniform")]
+    columns = [read_metrics(folder).to_pylist() for folder in (trained_once, tmp_path / "uniform")]
     none, uniform = (
         [(row["name"], row["value"]) for row in rows if row["name"].split("/")[0] not in ("speed", "played")]
         for rows in columns

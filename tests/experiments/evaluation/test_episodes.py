@@ -99,14 +99,6 @@ def test_only_those_act_whose_episode_goes_on_unless_the_policy_knows_its_enviro
     assert all_of_them.acted == [12] * lengths.max()
 
 
-def test_a_death_counts_in_the_return_and_not_in_that_of_the_reference():
-    levels = family("tilesx1-hard").sample(30, seed=0)
-    rows = play_episodes(Linear(), levels, np.arange(30), {}, rng=torch.Generator().manual_seed(0), seed=0)
-    deaths = [row for row in rows if row["death"]]
-    assert deaths
-    assert all(row["return"] - row["return_ref"] <= -100 for row in deaths)
-
-
 def test_training_levels_are_played_equally_often_and_test_levels_once():
     config = RunConfig(evaluation=EvaluationConfig(episodes=10))
     train, test = LEVELS[:4], LEVELS[4:]

@@ -44,10 +44,8 @@ HERE = "grids.mine"
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        ([*GRID, "famlies"], [], f"no setting is called '{HERE}.grid.famlies'. Did you mean '{HERE}.grid.families'?"),
         ([*GRID, "families"], ["emtpy"], f"{HERE}.grid.families[0]: 'emtpy' is unknown. Did you mean 'empty'?"),
         ([*GRID, "counts"], [1, 0], f"{HERE}.grid.counts[1]: 0 is not allowed; it must be at least 1"),
-        ([*GRID, "counts"], 10, f"{HERE}.grid.counts: 10 is not a list whose entries are each a whole number"),
         (QUICK, {"difficulties": ["hardest"]}, f"{HERE}.scales.quick.difficulties[0]: 'hardest' is unknown"),
         (QUICK, None, f"{HERE}.scales.quick: None is no group of settings; where nothing differs it is {{}}"),
         (QUICK, {"options": {"seeds": 1}}, f"{HERE}.scales.quick.options: there is no 'seeds'"),
@@ -84,9 +82,6 @@ def test_a_study_without_a_grid_has_nothing_to_differ_in():
 )
 def test_transfers_are_relative_to_the_training_levels(transfer, panel):
     assert other_panel("empty", "medium", transfer) == panel
-
-
-def test_there_is_nothing_harder_than_hard():
     assert other_panel("empty", "hard", TransferConfig(difficulty="harder")) is None
 
 

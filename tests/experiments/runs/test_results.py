@@ -1,6 +1,7 @@
 """The table of runs: which settings differ, how far each is, what it achieved; and the mistakes one makes on the way."""
 
 import csv
+import dataclasses
 import json
 import shutil
 import threading
@@ -14,7 +15,6 @@ from segar.analysis.runs import read_runs
 from segar.experiments.results import results
 from segar.experiments.runs.run_folder import (
     VERSIONS,
-    read_config,
     read_episodes,
     read_metrics,
     read_versions,
@@ -57,6 +57,7 @@ def table_in(said):
     return said.partition("\n\n")[0].splitlines()
 
 
+@pytest.mark.usefixtures("finished")
 def test_a_finished_run_is_of_every_sweep_that_asked_for_it(tmp_path, capsys):
     for name in ("first", "second", "second", ""):
         run(short_run(tmp_path / "run", tracking=TrackingConfig(name="none", sweep=name)), say=lambda _: None)
@@ -68,12 +69,19 @@ def test_a_finished_run_is_of_every_sweep_that_asked_for_it(tmp_path, capsys):
         results(root=str(tmp_path), sweep="third")
 
 
-def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path, monkeypatch, capsys):
+def written(folder, **changes):
+    """A finished run that nobody trained, in a folder of this name."""
+    config = settings(folder.parent, folder=str(folder), **changes)
+    write_run(config)
+    return config
+
+
+def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path, finished, monkeypatch, capsys):
     sweep = TrackingConfig(name="none", sweep="mine")
-    done = run(short_run(tmp_path / "a", tracking=sweep))
+    done = run(dataclasses.replace(finished, tracking=sweep))
     with killed_after(2, monkeypatch):
-        run(short_run(tmp_path / "b", tracking=sweep, seed=1))
-    run(short_run(tmp_path / "c", seed=2))
+        run(short_run(tmp_path / "unfinished", tracking=sweep, seed=1))
+    written(tmp_path / "of no sweep", seed=2)
     said = told(capsys, root=str(tmp_path), sweep="mine")
     head, *lines = table_in(said)
     assert head.split("  ")[0] == "levels.train"
@@ -81,14 +89,14 @@ def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path,
     assert " seed " in head and "levels.count" not in head
     assert "finished" in lines[0] and f"{done.summary['evaluation/test/return/deterministic']:.4g}" in lines[0]
     assert "failed after 128 frames" in lines[1]
-    assert lines[2:-1] == [f"computed with {computed_with(read_versions(tmp_path / 'a'))}"]
-    assert lines[-1].startswith("b: Killed")
+    assert lines[2:-1] == [f"computed with {computed_with(read_versions(done.folder))}"]
+    assert lines[-1].startswith("unfinished: Killed")
     assert "not counted: 1 of 2 runs;" in said
 
 
 def test_the_table_says_of_each_run_what_it_was_computed_with_where_that_differs(tmp_path, capsys):
-    for seed, name in enumerate(("a", "b")):
-        run(short_run(tmp_path / name, seed=seed))
+    for seed, name in enumerate("ab"):
+        written(tmp_path / name, seed=seed)
     path = tmp_path / "b" / VERSIONS
     versions = json.loads(path.read_text())
     versions["arithmetic_before"] = [{**versions["arithmetic"], "processor": "Another"}]
@@ -107,7 +115,7 @@ def recorded_with(folder, **parts):
 
 def test_runs_of_different_code_in_one_table_are_told_with_the_parts_that_differ(tmp_path, capsys):
     for seed, name in enumerate("abc"):
-        run(short_run(tmp_path / name, seed=seed))
+        written(tmp_path / name, seed=seed)
         recorded_with(tmp_path / name, **{"my_lab.tasks": "as it was"})
     assert "different code" not in told(capsys, root=str(tmp_path))
     recorded_with(tmp_path / "b", **{"my_lab.tasks": "edited", "kernel": "edited"})
@@ -128,8 +136,7 @@ def test_runs_stand_in_the_order_of_their_numbers(tmp_path):
 
 
 def test_scores_by_other_code_are_left_out_with_a_line(tmp_path, capsys):
-    run(short_run(tmp_path / "a"))
-    config = read_config(tmp_path / "a")
+    config = written(tmp_path / "a")
     folder = tmp_path / "a" / "evaluations" / f"test-n{config.levels.test_count}"
     folder.mkdir(parents=True)
     found = {"anchors": {"floor": 0}, "players": {"deterministic": {"score": 1.0, "regret": 0.0}}}
@@ -185,10 +192,9 @@ def test_distances_stand_first_exact_w2_before_all_and_own_results_beside_succes
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "md"])
-def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, monkeypatch, capsys):
-    run(short_run(tmp_path / "runs" / "a"))
-    with killed_after(2, monkeypatch):
-        run(short_run(tmp_path / "runs" / "b", seed=1))
+def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, capsys):
+    written(tmp_path / "runs" / "a")
+    write_run(settings(tmp_path, folder=str(tmp_path / "runs" / "b"), seed=1), finished=False)
     path = tmp_path / f"all.{suffix}"
     said = told(capsys, root=str(tmp_path / "runs"), output=str(path))
     if suffix == "csv":
@@ -246,8 +252,8 @@ def test_a_finished_folder_of_a_run_counts_before_an_unfinished_one(tmp_path):
 
 
 def test_several_folders_and_single_runs_make_one_table_and_a_run_counts_once(tmp_path):
-    run(short_run(tmp_path / "one" / "a"))
-    run(short_run(tmp_path / "two" / "b", seed=1))
+    written(tmp_path / "one" / "a")
+    written(tmp_path / "two" / "b", seed=1)
     rows = run_rows([tmp_path / "one", tmp_path / "two" / "b", tmp_path / "two"])
     assert [row.folder.name for row in rows] == ["a", "b"]
     with pytest.raises(RunFolderError, match=f"there is no folder {tmp_path}/three"):
@@ -255,7 +261,7 @@ def test_several_folders_and_single_runs_make_one_table_and_a_run_counts_once(tm
 
 
 def test_a_run_that_cannot_be_read_is_a_row_that_says_why(tmp_path, capsys):
-    run(short_run(tmp_path / "a"))
+    written(tmp_path / "a")
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "config.yaml").write_text("levels: 3\n")
     lines = table_in(told(capsys, root=str(tmp_path)))

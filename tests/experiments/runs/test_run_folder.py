@@ -47,8 +47,8 @@ def config(tmp_path):
     return short_run(tmp_path / "run")
 
 
-def test_a_run_leaves_all_files_and_can_be_read(config):
-    folder = run(config).folder
+def test_a_run_leaves_all_files_and_can_be_read(trained_once):
+    folder, config = trained_once, short_run(trained_once)
     assert {path.name for path in folder.iterdir()} == FILES
     assert read_config(folder) == config.resolved()
     episodes = read_episodes(folder).to_pandas()
@@ -67,14 +67,12 @@ def test_a_run_leaves_all_files_and_can_be_read(config):
     )
 
 
-def test_a_finished_run_is_found_and_not_trained_again(config, monkeypatch):
-    first = run(config)
-    with monkeypatch.context() as patch:
-        patch.setattr(PPO, "iterate", None)
-        said = []
-        again = run(config, said.append)
-    assert first.trained and not again.trained
-    assert dict(again.summary) == dict(first.summary)
+def test_a_finished_run_is_found_and_not_trained_again(finished, monkeypatch):
+    monkeypatch.setattr(PPO, "iterate", None)
+    said = []
+    again = run(finished, said.append)
+    assert not again.trained
+    assert dict(again.summary) == read_summary(again.folder)
     assert "finished before, nothing to do" in said[0]
 
 
@@ -102,19 +100,13 @@ def nothing_to_sample(*_):
     raise ConfigError("no levels")
 
 
-def test_a_task_without_a_reward_is_told(config):
+def test_a_task_without_a_reward_is_told(config, trained_and_said):
     said = []
     run(dataclasses.replace(config, task=TaskConfig("tests.experiments.training.own_results:unrewarded")), said.append)
     warning = "warning: the task free has no reward function: all rewards are 0"
     assert sum(warning in line for line in said) == 1
-    said.clear()
-    run(dataclasses.replace(config, restart=True), said.append)
-    assert said and not any("reward function" in line for line in said)
-
-
-def test_restart_trains_a_finished_run_again(config):
-    run(config)
-    assert run(dataclasses.replace(config, restart=True)).trained
+    _, otherwise = trained_and_said
+    assert otherwise and not any("reward function" in line for line in otherwise)
 
 
 def test_a_run_killed_before_its_first_checkpoint_begins_anew(config, monkeypatch):
@@ -123,16 +115,15 @@ def test_a_run_killed_before_its_first_checkpoint_begins_anew(config, monkeypatc
     assert run(config).trained
 
 
-def test_a_folder_of_another_run_is_refused_and_kept(config):
-    run(config)
-    other = dataclasses.replace(config, seed=1, algorithm=dataclasses.replace(config.algorithm, gamma=0.5))
+def test_a_folder_of_another_run_is_refused_and_kept(finished):
+    other = dataclasses.replace(finished, seed=1, algorithm=dataclasses.replace(finished.algorithm, gamma=0.5))
     with pytest.raises(RunFolderError) as caught:
         run(other)
     assert "holds another run: algorithm.gamma is 0.999 there and 0.5 here; seed is 0 there and 1 here" in str(
         caught.value
     )
     assert "Choose another folder=..., or throw that run away with restart=true" in str(caught.value)
-    assert is_finished(run(config).folder)
+    assert is_finished(run(finished).folder)
 
 
 @pytest.mark.parametrize("restart", [False, True])
@@ -174,8 +165,8 @@ def test_resume_can_be_forbidden(config, monkeypatch):
     assert not run(careful).trained  # finished: there is nothing to go on with
 
 
-def test_a_finished_run_of_other_code_is_refused_unless_the_user_says_what_to_do(config, monkeypatch):
-    run(config)
+def test_a_finished_run_of_other_code_is_refused_unless_the_user_says_what_to_do(finished, monkeypatch):
+    config = finished
     monkeypatch.setattr(run_module, "executed_code", lambda config: {**executed_code(config), "learner": "another"})
     differs = "finished before by other code than this: learner changed since"
     with pytest.raises(RunFolderError, match=f"{differs}. stale=anew trains it anew, stale=keep takes its results"):
@@ -188,8 +179,8 @@ def test_a_finished_run_of_other_code_is_refused_unless_the_user_says_what_to_do
     assert not run(dataclasses.replace(config, stale="anew"), said.append).trained
 
 
-def test_what_the_task_says_of_the_last_state_is_in_the_episodes(config):
-    episodes = read_episodes(run(config).folder).to_pandas()
+def test_what_the_task_says_of_the_last_state_is_in_the_episodes(trained_once):
+    episodes = read_episodes(trained_once).to_pandas()
     assert [name for name in episodes if name.startswith("results/")] == [
         f"results/{name}" for name in puttputt().results
     ]

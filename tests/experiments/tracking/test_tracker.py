@@ -93,19 +93,17 @@ def test_figures_arrive_with_their_frames_and_times(store):
     assert one.data.params["algorithm.gamma"] == "0.999"
 
 
-def test_artifacts_lie_beside_the_store(store):
-    _, found = runs(store)
-    assert found[0].info.artifact_uri.startswith((store / "mlflow-artifacts").as_uri())
-    assert store_uri(TrackingConfig(), store) == f"sqlite:///{store}/mlflow.db"
-
-
-def test_a_run_that_goes_on_is_the_same_run_and_sends_nothing_twice(store):
+def test_a_run_that_goes_on_is_the_same_run_and_sends_nothing_twice_and_its_files_lie_beside_the_store(store, tmp_path):
+    (tmp_path / "summary.json").write_text("{}")
     sent = rows(7.0, 8.0, 9.0)
     for part, status in ((sent[:2], "KILLED"), (sent, "FINISHED")):
         tracker = start_tracking(RunConfig(root=str(store), seed=5), store / "5", part)
-        tracker.finish(status)
+        tracker.finish(status, [tmp_path / "summary.json"] * (status == "FINISHED"))
     client, one = run_in(store, store / "5")
     assert one.info.status == "FINISHED"
+    assert [file.path for file in client.list_artifacts(one.info.run_id)] == ["summary.json"]
+    assert one.info.artifact_uri.startswith((store / "mlflow-artifacts").as_uri())
+    assert store_uri(TrackingConfig(), store) == f"sqlite:///{store}/mlflow.db"
     assert [point.value for point in client.get_metric_history(one.info.run_id, "episode/length")] == [7.0, 8.0, 9.0]
 
 
@@ -186,15 +184,6 @@ def test_a_run_that_lost_figures_which_it_had_sent_has_each_once(tmp_path, monke
     assert same_results(tmp_path / "run", whole) and read_played(tmp_path / "run").equals(read_played(whole))
     client, one = run_in(tmp_path, tmp_path / "run")
     assert has_each_figure_once(client, one.info.run_id, tmp_path / "run")
-
-
-def test_a_file_is_stored_with_the_run(store, tmp_path):
-    (tmp_path / "summary.json").write_text("{}")
-    tracker = start_tracking(RunConfig(root=str(store), seed=8), store / "8", [])
-    tracker.finish("FAILED", [tmp_path / "summary.json"])
-    client, one = run_in(store, store / "8")
-    assert one.info.status == "FAILED"
-    assert [file.path for file in client.list_artifacts(one.info.run_id)] == ["summary.json"]
 
 
 def test_figures_are_sent_in_batches(store, monkeypatch):

@@ -14,10 +14,9 @@ from tests.experiments.short_runs import killed_after, short_run
 pytestmark = pytest.mark.processor
 
 
-def test_a_run_records_what_decided_its_last_bits_and_shows_it(tmp_path):
-    said = []
-    run(short_run(tmp_path / "run"), said.append)
-    found = read_versions(tmp_path / "run")
+def test_a_run_records_what_decided_its_last_bits_and_shows_it(trained_and_said):
+    folder, said = trained_and_said
+    found = read_versions(folder)
     made = found["arithmetic"]
     assert {*made} == {
         "determinism", "device", "precision", "threads", "instruction_set", "limits", "processor"

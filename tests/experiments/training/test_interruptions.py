@@ -47,12 +47,8 @@ def frames(folder, name=CHECKPOINT):
     return read_checkpoint(folder / name)["frames"]
 
 
-def same_as_an_uninterrupted_run(folder, tmp_path):
-    return same_results(folder, run(short_run(tmp_path / "uninterrupted")).folder)
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_run_that_is_stopped_finishes_its_iteration_and_saves_it(tmp_path, monkeypatch, capfd, number):
+def test_a_run_that_is_stopped_finishes_its_iteration_and_saves_it(trained_once, tmp_path, monkeypatch, capfd, number):
     config = short_run(tmp_path / "run", checkpoint_interval=1000.0)
     with before_iteration(2, send(number), monkeypatch), pytest.raises(Stopped) as stopped:
         run(config)
@@ -63,7 +59,7 @@ def test_a_run_that_is_stopped_finishes_its_iteration_and_saves_it(tmp_path, mon
     last = read_journal(tmp_path / "run")[-1]
     assert (last["event"], last["during"], last["frames"]) == ("stopped", "training", 2 * FRAMES)
     run(config)
-    assert same_as_an_uninterrupted_run(tmp_path / "run", tmp_path)
+    assert same_results(tmp_path / "run", trained_once)
 
 
 def test_a_second_signal_stops_a_run_at_once(tmp_path, monkeypatch):
@@ -177,7 +173,7 @@ def test_a_weight_that_is_not_finite_is_never_saved(tmp_path, monkeypatch):
     assert frames(tmp_path / "run") == 2 * FRAMES
 
 
-def test_a_disk_that_is_full_is_told_and_costs_the_work_since_the_last_checkpoint_only(tmp_path, monkeypatch, capsys):
+def test_a_full_disk_is_told_and_costs_the_work_since_the_last_checkpoint(trained_once, tmp_path, monkeypatch, capsys):
     def fill(_):
         def no_room(*_):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -196,7 +192,7 @@ def test_a_disk_that_is_full_is_told_and_costs_the_work_since_the_last_checkpoin
     )
     assert frames(tmp_path / "run") == 2 * FRAMES
     run(short_run(tmp_path / "run"))
-    assert same_as_an_uninterrupted_run(tmp_path / "run", tmp_path)
+    assert same_results(tmp_path / "run", trained_once)
 
 
 def test_a_process_that_was_killed_is_found_by_the_next_one(tmp_path, monkeypatch):
@@ -222,7 +218,7 @@ def damage(path, how):
 
 
 @pytest.mark.parametrize("how", ["cut", "one bit"])
-def test_a_damaged_newest_checkpoint_falls_back_to_the_one_before_and_says_so(tmp_path, monkeypatch, how):
+def test_a_damaged_newest_checkpoint_falls_back_to_the_one_before_and_says_so(trained_once, tmp_path, monkeypatch, how):
     folder = tmp_path / "run"
     with killed_after(3, monkeypatch):
         run(short_run(folder))
@@ -234,7 +230,7 @@ def test_a_damaged_newest_checkpoint_falls_back_to_the_one_before_and_says_so(tm
     assert f"(kept as {DAMAGED}). The one before is used, of 128 frames: {folder / PREVIOUS}" in said[0]
     assert "goes on from 128 of 256 frames" in said[1]
     assert (folder / DAMAGED).exists()
-    assert same_as_an_uninterrupted_run(folder, tmp_path)
+    assert same_results(folder, trained_once)
 
 
 def test_where_both_checkpoints_are_damaged_nothing_is_guessed(tmp_path, monkeypatch):
@@ -249,7 +245,7 @@ def test_where_both_checkpoints_are_damaged_nothing_is_guessed(tmp_path, monkeyp
 
 
 @pytest.mark.slow
-def test_a_run_that_stops_in_its_evaluation_is_evaluated_when_it_goes_on(tmp_path, monkeypatch):
+def test_a_run_that_stops_in_its_evaluation_is_evaluated_when_it_goes_on(trained_once, tmp_path, monkeypatch):
     with monkeypatch.context() as patch, pytest.raises(Stopped):
         patch.setattr("segar.experiments.training.run.evaluate_run", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
         run(short_run(tmp_path / "run"))
@@ -257,7 +253,7 @@ def test_a_run_that_stops_in_its_evaluation_is_evaluated_when_it_goes_on(tmp_pat
     assert (last["event"], last["during"]) == ("stopped", "evaluation")
     assert not is_finished(tmp_path / "run")
     run(short_run(tmp_path / "run"))
-    assert same_as_an_uninterrupted_run(tmp_path / "run", tmp_path)
+    assert same_results(tmp_path / "run", trained_once)
 
 
 def test_frames_are_not_lost_when_a_run_of_one_iteration_is_stopped(tmp_path, monkeypatch):

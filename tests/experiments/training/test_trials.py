@@ -77,10 +77,9 @@ def test_a_run_that_was_killed_between_trials_ends_with_the_same_bits(tmp_path, 
     assert same_results(tmp_path / "whole", tmp_path / "parts")
 
 
-def test_a_run_without_trials_writes_what_it_wrote(tmp_path):
-    folder = run(short_run(tmp_path / "run"), lambda line: None).folder
-    assert "trial" not in read_episodes(folder).column_names
-    assert not any("trial" in name or "adaptation" in name for name in read_summary(folder))
+def test_a_run_without_trials_writes_what_it_wrote(trained_once):
+    assert "trial" not in read_episodes(trained_once).column_names
+    assert not any("trial" in name or "adaptation" in name for name in read_summary(trained_once))
 
 
 def test_an_algorithm_without_a_memory_is_told_what_trials_mean_for_it(tmp_path):
