@@ -204,12 +204,11 @@ def test_levels_that_the_agent_cannot_observe_are_refused_and_pixels_fit_all(tra
     assert len(found.episodes) == 4
 
 
-def test_levels_of_another_task_are_told_without_advice_that_the_command_does_not_take(tmp_path):
-    seeing = short_run(tmp_path / "seeing", observation=ObservationConfig("rgb"))
+def test_levels_of_another_task_are_told_without_advice_that_the_command_does_not_take(trained, tmp_path):
     levels = tmp_path / "tiles.npz"
     segar.Levels.from_entities([[segar.GoalTile({segar.Position: (0, 0)})]]).save(levels)
     with pytest.raises(ConfigError, match=r"levels: the agent plays the task puttputt.* these levels do") as told:
-        evaluate(EvaluateConfig(str(run(seeing).folder), levels=str(levels), **QUICK))
+        evaluate(EvaluateConfig(str(trained), levels=str(levels), **QUICK))
     assert "task=" not in str(told.value)
 
 

@@ -1,16 +1,21 @@
-"""Variations change what they say and nothing else; conditions make the goal count later."""
+"""Variations change what they say and nothing else; conditions make the goal count later; designs pick training levels."""
 
 import numpy as np
 import pytest
 
 import segar
 from segar import GoalTile, Gravity, Mass, Position, SandTile
+from segar.errors import LevelError
+from segar.experiments.levels import rule_sets
 from segar.experiments.levels.builders import distribution_of, make_levels
+from segar.experiments.levels.rule_sets import situations_of
 from segar.experiments.levels.variations import VARIATIONS, vary
 from segar.experiments.settings import ConfigError, LevelsConfig
 from segar.language import FloorFriction, Order
-from segar.metrics import w2
+from segar.levels import share_rule_sets, shared_rule_sets
+from segar.metrics import rule_set_distances, w2
 from segar.rules import apply_friction, lorentz_law
+from segar.support import emd
 from segar.tasks import Contender, conditional_puttputt
 
 
@@ -137,3 +142,44 @@ def test_more_conditions_need_more_steps_and_sand_needs_a_detour():
 def test_there_are_three_conditions():
     with pytest.raises(segar.SegarError, match="there are 0 to 3 of them, not 4"):
         conditional_puttputt(4)
+
+
+def rule_sets_of(design, count=40, **settings):
+    rule_space = {"variation": "rule_space", "test_variation": "rule_space_unseen"}
+    return levels_of(count=count, test_count=20, design=design, **rule_space, **settings)
+
+
+def test_training_levels_take_turns_with_as_many_rule_sets_as_the_design_says():
+    train, test = rule_sets_of("rule_sets_7")
+    all_of_own = rule_sets_of("rule_sets_40")[0]
+    pairs = shared_rule_sets(train, all_of_own)
+    np.testing.assert_array_equal(pairs[:, 1], np.arange(40) % 7)
+    assert not len(shared_rule_sets(test, train))
+
+
+def test_near_rule_sets_are_nearer_and_far_ones_farther_than_any_of_others(monkeypatch):
+    monkeypatch.setattr(rule_sets, "SETS", 50)
+    (near, test), (far, _) = (rule_sets_of(f"rule_sets_5{what}") for what in ("_near", "_far"))
+    situations, every = situations_of(test), rule_sets_of("rule_sets_40")[0]
+    fives = [near[:5], far[:5], *(every[first : first + 5] for first in range(0, 40, 5))]
+    apart = [np.sqrt(emd(rule_set_distances(one, test, situations) ** 2)) for one in fives]
+    assert apart[0] < np.mean(apart[2:]) < apart[1] and apart[0] < np.sort(apart[2:])[1]
+    for picked in (near, far):
+        assert len(set(shared_rule_sets(picked, every)[:, 1])) == 5
+        assert picked == rule_sets_of(f"rule_sets_5_{'near' if picked is near else 'far'}")[0]
+
+
+def test_rule_sets_that_cannot_be_picked_are_told():
+    with pytest.raises(ConfigError, match="rule_sets_41_near: 41 rule sets cannot be picked among 40 levels"):
+        rule_sets_of("rule_sets_41_near")
+    with pytest.raises(ConfigError, match="rule_sets_41: rule sets: there must be 1 to 40"):
+        rule_sets_of("rule_sets_41")
+    with pytest.raises(ConfigError, match="one world for all"):
+        levels_of(count=4, design="rule_sets_2_far")
+
+
+@pytest.mark.parametrize("wrong", [0, 9, True, 1.5, [], [8], [-1], [0.5], [[1]], "two"])
+def test_rule_sets_that_are_no_number_or_indices_are_refused(wrong):
+    levels = rule_sets_of("iid", count=8)[0]
+    with pytest.raises(LevelError, match="rule sets: "):
+        share_rule_sets(levels, wrong)

@@ -2,6 +2,7 @@
 
 import copy
 
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
@@ -129,3 +130,17 @@ def test_the_guide_says_how_many_runs_each_scale_has():
         runs = {run.label() for grid in grids for run in grid_runs(grid, config.run)}
         (row,) = (line.split("|") for line in guide.splitlines() if line.startswith(f"| `{scale}`"))
         assert row[3].strip() == f"{len(runs):,}", scale
+
+
+@pytest.mark.results
+@pytest.mark.processor
+@pytest.mark.parametrize(("scale", "runs"), [("quick", 45), ("standard", 135)])
+def test_the_shipped_main_grid_is_that_of_the_planned_runs(scale, runs, tmp_path):
+    table = pq.read_table(WORKSPACE / "docs" / "results" / scale / "runs.parquet", columns=["run", "experiments"])
+    stored = {row["run"] for row in table.to_pylist() if "figure_3a" in row["experiments"].split()}
+    register_settings("reproduce", SETTINGS)
+    with initialized():
+        config = build(compose_data([f"scale={scale}", f"root={tmp_path}"], "reproduce"))
+        plan = make_plan(config.at_scale(), config.run, tmp_path)
+    assert len(stored) >= runs
+    assert stored <= {work.run.label() for work in plan.runs}

@@ -20,7 +20,6 @@ from segar.experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics,
 from segar.experiments.settings import LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
 from segar.experiments.tracking import mlflow_store, mlflow_sync
 from segar.experiments.tracking.mlflow_store import is_remote, open_store, store_uri
-from segar.experiments.tracking.mlflow_sync import read_sync_state
 from segar.experiments.tracking.tracker import Tracker, start_tracking
 from segar.experiments.training import run as run_module
 from segar.experiments.training.run import run
@@ -107,22 +106,19 @@ def test_a_run_that_goes_on_is_the_same_run_and_sends_nothing_twice_and_its_file
     assert [point.value for point in client.get_metric_history(one.info.run_id, "episode/length")] == [7.0, 8.0, 9.0]
 
 
-def replaced(config, monkeypatch, **how):
+@pytest.mark.parametrize("how", [{"restart": True}, {"stale": "anew"}], ids=["restart", "anew"])
+def test_a_run_that_is_trained_again_replaces_the_earlier_one(store, tmp_path, monkeypatch, how):
+    config = short_run(tmp_path / "run", root=str(store), tracking=TrackingConfig())
     run(config)
     if "stale" in how:
         other = lambda config: {**executed_code(config), "learner": "another"}  # noqa: E731
         monkeypatch.setattr(run_module, "executed_code", other)
     assert run(dataclasses.replace(config, **how)).trained
-
-
-@pytest.mark.parametrize("how", [{"restart": True}, {"stale": "anew"}], ids=["restart", "anew"])
-def test_a_run_that_is_trained_again_replaces_the_earlier_one(tmp_path, monkeypatch, how):
-    config = short_run(tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig())
-    replaced(config, monkeypatch, **how)
-    client, one = run_in(tmp_path, tmp_path / "run")  # the only one
+    client, one = run_in(store, tmp_path / "run")  # the only one
     assert one.info.status == "FINISHED"
     deleted = client.search_runs([one.info.experiment_id], run_view_type=ViewType.DELETED_ONLY)
-    assert [run.data.tags["config_hash"] for run in deleted] == [one.data.tags["config_hash"]]
+    of_folder = [run.data.tags for run in deleted if run.data.tags["run_folder"] == str(tmp_path / "run")]
+    assert [tags["config_hash"] for tags in of_folder] == [one.data.tags["config_hash"]]
     made, tags = read_versions(tmp_path / "run"), one.data.tags
     assert (tags["mlflow.source.name"], tags["mlflow.source.type"]) == ("segar.experiments.train", "LOCAL") and tags[
         "mlflow.user"
@@ -167,10 +163,10 @@ def test_a_mark_that_was_not_written_leads_to_no_second_run_and_no_second_point(
 
 
 @pytest.mark.parametrize("moment", ["in training", "before the summary"])
-def test_a_run_that_lost_figures_which_it_had_sent_has_each_once(tmp_path, monkeypatch, moment):
+def test_a_run_that_lost_figures_which_it_had_sent_has_each_once(store, tmp_path, monkeypatch, moment):
     levels = LevelsConfig("empty-easy", count="endless", test_count=3)
     config = short_run(
-        tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig(), checkpoint_interval=1000.0, levels=levels
+        tmp_path / "run", root=str(store), tracking=TrackingConfig(), checkpoint_interval=1000.0, levels=levels
     )
     if moment == "in training":
         with killed_after(3, monkeypatch):
@@ -180,9 +176,9 @@ def test_a_run_that_lost_figures_which_it_had_sent_has_each_once(tmp_path, monke
             patch.setattr(run_module, "write_json", stop)
             run(config)
     run(config)
-    whole = run(dataclasses.replace(config, folder=str(tmp_path / "whole"))).folder
+    whole = run(short_run(tmp_path / "whole", levels=levels)).folder
     assert same_results(tmp_path / "run", whole) and read_played(tmp_path / "run").equals(read_played(whole))
-    client, one = run_in(tmp_path, tmp_path / "run")
+    client, one = run_in(store, tmp_path / "run")
     assert has_each_figure_once(client, one.info.run_id, tmp_path / "run")
 
 
@@ -354,16 +350,9 @@ def test_a_server_that_is_never_there_stops_nothing_and_gets_all_by_a_command_la
 
 
 def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, server, capfd):
-    server.up = False
     for number in (1, 2):
-        folder = run(
-            short_run(tmp_path / f"{number}", tracking=REMOTE, levels=LevelsConfig("empty-easy", count=number))
-        ).folder
-    mark = json.loads((folder / SYNC_STATE).read_text()) if (folder / SYNC_STATE).exists() else None
-    assert mark is None or mark["sent"] == 0
+        folder = write_run(settings(tmp_path, folder=str(tmp_path / f"{number}"), tracking=REMOTE, seed=number))
     (folder / METRICS).write_bytes(b"not a table")
-    server.up = True
-    capfd.readouterr()
     with pytest.raises(TrackingError, match="1 of 2 runs could not be sent"):
         upload(root=str(tmp_path), uri=REMOTE.uri)
     sent, left = capfd.readouterr().out.splitlines()
@@ -388,12 +377,11 @@ def test_a_folder_of_others_does_not_choose_where_it_is_sent_to(tmp_path, server
 
 
 def test_another_store_gets_the_whole_run(tmp_path, server):
-    folder = run(short_run(tmp_path / "run", tracking=REMOTE)).folder
-    there = read_sync_state(folder)
-    assert there is not None and there.sent == len(points(folder))
-    server.points = []
-    upload(run=str(folder), uri="http://elsewhere:5000")
-    assert server.points == points(folder)
+    folder = write_run(settings(tmp_path, tracking=REMOTE))
+    for uri in (REMOTE.uri, "http://elsewhere:5000"):
+        server.points = []
+        upload(run=str(folder), uri=uri)
+        assert server.points == points(folder)
 
 
 def test_a_store_that_another_process_opens_ends_no_run_and_gets_all_when_it_is_free(tmp_path, monkeypatch, capfd):
