@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from segar.experiments.algorithms.checkpoint import read_checkpoint
-from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.runs.run_folder import CHECKPOINT, read_episodes, read_metrics
 from segar.experiments.settings import (
     EvaluationConfig,
@@ -21,6 +20,7 @@ from segar.experiments.settings import (
     ScaleConfig,
     TrackingConfig,
 )
+from segar.experiments.training.training_loop import Training
 from segar.support import WORKSPACE
 
 FRAMES = 64  # of an iteration
@@ -48,6 +48,14 @@ def run_module(module, *arguments, cwd=WORKSPACE, **environment):
     environment = {**os.environ, "PYTHONPATH": f"{WORKSPACE}{os.pathsep}{cwd}", **environment}
     command = [sys.executable, "-m", module, *arguments]
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
+
+
+def begin_module(module, *arguments, cwd=WORKSPACE, stdout=None, stderr=None, **environment):
+    """The process of ``python -m <module>``, which has begun in a session of its own."""
+    environment = {**os.environ, "PYTHONPATH": f"{WORKSPACE}{os.pathsep}{cwd}", **environment}
+    command = [sys.executable, "-m", module, *arguments]
+    pipes = {"stdout": stdout, "stderr": stderr, "text": True, "start_new_session": True}
+    return subprocess.Popen(command, cwd=cwd, env=environment, **pipes)
 
 
 def short_run(folder: Path, **changes: Any) -> RunConfig:
@@ -79,15 +87,15 @@ def killed_after(iterations, monkeypatch):
 @contextmanager
 def before_iteration(number, happens, monkeypatch):
     """Has ``happens(learner)`` happen before iteration ``number``, counted from 1, of runs in here."""
-    iterate = PPO.iterate
+    iterate = Training.iterate
 
     def look_first(self):
-        if self.frames == (number - 1) * FRAMES:
-            happens(self)
+        if self.learner.frames == (number - 1) * FRAMES:
+            happens(self.learner)
         return iterate(self)
 
     with monkeypatch.context() as patch:
-        patch.setattr(PPO, "iterate", look_first)
+        patch.setattr(Training, "iterate", look_first)
         yield
 
 

@@ -50,6 +50,13 @@ def random_policy(algorithm, config, shape, seed=1):
     return policy
 
 
+def made(case):
+    """A random policy of a case, its portable network, and the shape of what it sees."""
+    shape = CASES[case][-1]
+    policy = random_policy(*CASES[case])
+    return policy, network_of(policy, shape, puttputt()), shape
+
+
 def observations(shape, n, seed):
     rng = np.random.default_rng(seed)
     if len(shape) == 3:  # a disc of some colour on ground of another
@@ -63,9 +70,7 @@ def observations(shape, n, seed):
 
 @pytest.mark.parametrize("case", CASES)
 def test_actions_are_those_of_torch(case):
-    algorithm, config, shape = CASES[case]
-    policy = random_policy(algorithm, config, shape)
-    network = network_of(policy, shape, puttputt())
+    policy, network, shape = made(case)
     agent, env = PortableAgent(network, num_threads=1), environments(KEYS[:6], network)
     for one in (policy, agent):
         if hasattr(one, "begin"):
@@ -80,9 +85,7 @@ def test_actions_are_those_of_torch(case):
 
 @pytest.mark.parametrize("case", ["states", "gru", "sac", "drq"])
 def test_sampled_actions_have_the_mean_and_the_scale_of_torch(case):
-    algorithm, config, shape = CASES[case]
-    policy = random_policy(algorithm, config, shape)
-    network = network_of(policy, shape, puttputt())
+    policy, network, shape = made(case)
     same, many = observations(shape, 1, 0), np.zeros(400, np.int64)
     sampled = NetworkPolicy(network, sampled=True)
     env = environments(KEYS[: len(many)], network)
@@ -102,9 +105,8 @@ def test_sampled_actions_have_the_mean_and_the_scale_of_torch(case):
     "case", ["states", "states, linear heads", "small, stacks", "keypoints, frames", "gru", "lstm"]
 )
 def test_the_value_is_that_of_torch(case):
-    algorithm, config, shape = CASES[case]
-    policy = random_policy(algorithm, config, shape)
-    network, seen = network_of(policy, shape, puttputt()), observations(shape, 6, 0)
+    policy, network, shape = made(case)
+    seen = observations(shape, 6, 0)
     assert network.value is not None
     if hasattr(policy, "begin"):
         policy.begin(environments(KEYS[:6], network))

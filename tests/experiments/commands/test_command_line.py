@@ -1,7 +1,8 @@
 """Command lines that are not Hydra's: what they state, and how they refuse."""
 
-import subprocess
+import runpy
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -77,9 +78,12 @@ def test_a_function_without_further_arguments_takes_none(call):
         call(run, "here")
 
 
-def test_help_names_the_command_and_its_options():
-    command = [sys.executable, "-m", "segar.analysis.studies.w2", "--help"]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+def test_help_names_the_command_and_its_options(monkeypatch, capsys):
+    monkeypatch.delitem(sys.modules, "segar.analysis.studies.w2", raising=False)
+    monkeypatch.setattr(sys, "argv", ["w2", "--help"])
+    with suppress(SystemExit):
+        runpy.run_module("segar.analysis.studies.w2", run_name="__main__", alter_sys=True)
+    said = capsys.readouterr().out
     assert "usage: python -m segar.analysis.studies.w2" in said and "W2 of n training levels to 100 test levels" in said
     assert "--seeds VALUE" in said and "default: 5" in said and "-o VALUE, --output VALUE" in said
 

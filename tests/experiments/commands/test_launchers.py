@@ -15,7 +15,7 @@ from segar.experiments.runs.run_folder import CHECKPOINT, is_finished, read_conf
 from segar.experiments.settings import TrackingConfig
 from segar.experiments.tracking.mlflow_store import open_store
 from segar.support import WORKSPACE
-from tests.experiments.short_runs import COMMAND, run_module, same_results
+from tests.experiments.short_runs import COMMAND, begin_module, run_module, same_results
 from tests.experiments.tracking.mlflow_server import has_each_figure_once
 from tests.waiting import PATIENCE, until
 
@@ -51,8 +51,7 @@ def test_runs_side_by_side_and_the_same_sweep_again_trains_nothing(tmp_path):
 def test_submitit_runs_a_sweep_and_puts_a_run_back_into_its_queue_when_time_is_up(tmp_path):
     """The local executor does what Slurm does: a signal before the end of a job, which then begins again."""
     asked = ("seed=1", "hydra/launcher=submitit_local", f"root={tmp_path / 'runs'}", "scale.frames=10_000_000")
-    command = [sys.executable, "-m", "segar.experiments.train", "--multirun", *COMMAND, "tracking=none", *asked]
-    process = subprocess.Popen(command, cwd=tmp_path, env=ENVIRONMENT, start_new_session=True)
+    process = begin_module("segar.experiments.train", "--multirun", *COMMAND, "tracking=none", *asked, cwd=tmp_path)
     try:
         folder = until(lambda: next(iter(run_folders(tmp_path / "runs")), None))
         until(lambda: (folder / CHECKPOINT).exists())
@@ -83,8 +82,8 @@ def test_slurm_is_asked_for_an_array_with_a_warning_before_the_end(tmp_path):
         (tmp_path / "bin" / name).chmod(0o755)
     path = f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"
     arguments = ("seed=1,2", "hydra/launcher=slurm", "hydra.launcher.partition=cpu", f"root={tmp_path / 'runs'}")
-    command = [sys.executable, "-m", "segar.experiments.train", "--multirun", *COMMAND, "tracking=none", *arguments]
-    process = subprocess.Popen(command, cwd=tmp_path, env=ENVIRONMENT | {"PATH": path}, start_new_session=True)
+    command = ("segar.experiments.train", "--multirun", *COMMAND, "tracking=none", *arguments)
+    process = begin_module(*command, cwd=tmp_path, PATH=path)
     try:
         until(lambda: (tmp_path / "submitted.sh").exists())
     finally:
@@ -160,8 +159,8 @@ def test_a_sweep_on_two_machines_outlives_a_worker_and_a_machine_and_ends_as_on_
     nodes, address, environment = ray_cluster
     head, second = (process for process in nodes.children() if process.name() == "raylet")
     cluster = ("hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}", f"root={there}")
-    command = [sys.executable, "-m", "segar.experiments.train", "--multirun", *COMMAND, *asked, *cluster]
-    with subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True) as process:
+    command = ("segar.experiments.train", "--multirun", *COMMAND, *asked, *cluster)
+    with begin_module(*command, cwd=tmp_path, stderr=subprocess.PIPE, **environment) as process:
         try:
             worker = until(lambda: in_training(there, head))
             assert addresses(nodes.children(recursive=True)) == {"127.0.0.1"}

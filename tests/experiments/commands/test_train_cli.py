@@ -9,19 +9,9 @@ import pytest
 from segar.experiments.runs.run_folder import read_config, read_summary, run_folders
 from segar.support import WORKSPACE
 from tests.experiments.runs.test_run_folder import FILES
-from tests.experiments.short_runs import run_module
+from tests.experiments.short_runs import COMMAND, run_module
 
-TINY = (
-    "levels=empty-easy",
-    "levels.count=2",
-    "levels.test_count=3",
-    "evaluation.episodes=2",
-    "evaluation.interval=128",
-    "scale.frames=256",
-    "algorithm.num_envs=8",
-    "algorithm.num_steps=8",
-    "algorithm.widths=[8]",
-)
+TINY = (*COMMAND, "evaluation.interval=128")
 
 
 @pytest.fixture

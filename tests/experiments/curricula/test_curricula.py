@@ -10,7 +10,6 @@ from segar.experiments.curricula.accel import ACCEL
 from segar.experiments.curricula.explorer import Explorer
 from segar.experiments.curricula.level_rows import MADE, LevelRows
 from segar.experiments.curricula.scores import ScoredRows
-from segar.experiments.curricula.training_levels import TrainingLevels
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.levels.endless import stream_of
 from segar.experiments.runs.run_folder import read_metrics, read_played
@@ -37,13 +36,16 @@ from segar.experiments.settings.run import as_data
 from segar.experiments.training.run import run
 from segar.levels import check_levels, near_levels
 from segar.suites import suite
-from tests.experiments.short_runs import FRAMES, ITERATIONS, Killed, killed_after, same_results, short_run
+from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
 
 ENDLESS = LevelsConfig(train="empty-easy", count="endless", test_count=3)
 PPO = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0)
 RECURRENT = RecurrentPPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0, core_width=4, minibatches=2)
 SMALL = {"capacity": 16, "min_scored": 0.25, "log_interval": FRAMES}
 TRIED = {**SMALL, "batch": 8, "counts_tried": False}
+ROLLOUT = {"num_envs": 4, "num_steps": 16, "widths": (8,)}
+REPLAY = {**ROLLOUT, "warmup": 8, "capacity": 500, "batch_size": 4}
+AUXILIARY = {**ROLLOUT, "head_width": 0, "encoder": "small", "auxiliary_minibatches": 1}
 CHOSEN = {
     "endless": (None, PPO),
     "endless, collected ahead": (None, dataclasses.replace(PPO, overlap=True)),
@@ -55,6 +57,10 @@ CHOSEN = {
     "plr_robust": (RobustPLRConfig(**TRIED), PPO),
     "accel": (ACCELConfig(**TRIED), RECURRENT),
     "sfl": (SFLConfig(candidates=4, kept=2, episodes=2, batch=8, interval=FRAMES, counts_tried=False), PPO),
+    "sac": (None, SACConfig(**REPLAY)),
+    "drq": (None, DrQConfig(**REPLAY, encoder="small")),
+    "curl": (None, CURLConfig(**AUXILIARY)),
+    "spr": (None, SPRConfig(**AUXILIARY)),
 }
 
 
@@ -66,46 +72,15 @@ QUICK = ("endless", "accel", "sfl")  # the others are variants of these
 )
 def test_an_interrupted_run_ends_like_one_that_was_not_interrupted_to_the_bit(name, tmp_path, monkeypatch):
     curriculum, algorithm = CHOSEN[name]
-    whole, parts = (
-        short_run(tmp_path / one, levels=ENDLESS, curriculum=curriculum, algorithm=algorithm)
-        for one in ("whole", "parts")
-    )
+    seen = ObservationConfig("rgb" if name in ("drq", "curl", "spr") else "state")
+    config = {"levels": ENDLESS, "curriculum": curriculum, "algorithm": algorithm, "observation": seen}
+    whole, parts = (short_run(tmp_path / one, **config) for one in ("whole", "parts"))
     run(whole, say=lambda _: None)
     with killed_after(ITERATIONS // 2, monkeypatch):
         run(parts, say=lambda _: None)
     run(parts, say=lambda _: None)
     assert same_results(tmp_path / "whole", tmp_path / "parts")
     assert read_played(tmp_path / "whole").equals(read_played(tmp_path / "parts"))
-
-
-@pytest.mark.parametrize(
-    "algorithm",
-    [
-        SACConfig(num_envs=4, num_steps=16, warmup=8, widths=(8,), capacity=500, batch_size=4),
-        DrQConfig(num_envs=4, num_steps=16, warmup=8, widths=(8,), capacity=500, batch_size=4, encoder="small"),
-        CURLConfig(num_envs=4, num_steps=16, widths=(8,), head_width=0, encoder="small", auxiliary_minibatches=1),
-        SPRConfig(num_envs=4, num_steps=16, widths=(8,), head_width=0, encoder="small", auxiliary_minibatches=1),
-    ],
-    ids=lambda config: config.name,
-)
-@pytest.mark.slow
-def test_every_algorithm_trains_on_endless_levels_and_goes_on_to_the_bit(algorithm, tmp_path, monkeypatch):
-    seen = ObservationConfig(name="state" if algorithm.name == "sac" else "rgb")
-    config = {"levels": ENDLESS, "algorithm": algorithm, "observation": seen}
-    whole = short_run(tmp_path / "whole", **config)
-    run(whole, say=lambda _: None)
-    advance = TrainingLevels.advance
-
-    def stop_there(self, learner):
-        if learner.frames == FRAMES * ITERATIONS // 2:
-            raise Killed
-        return advance(self, learner)
-
-    with monkeypatch.context() as patch, pytest.raises(Killed):
-        patch.setattr(TrainingLevels, "advance", stop_there)
-        run(short_run(tmp_path / "parts", **config), say=lambda _: None)
-    run(short_run(tmp_path / "parts", **config), say=lambda _: None)
-    assert same_results(tmp_path / "whole", tmp_path / "parts")
 
 
 @pytest.mark.slow

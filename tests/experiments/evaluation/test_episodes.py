@@ -58,8 +58,17 @@ def plain_episode(level, policy):
     return rewards, bool(info["success"][0]), bool(info["death"][0])
 
 
-def test_every_level_is_played_as_in_an_environment_of_its_own():
-    rows = play_episodes(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)
+def played(policy):
+    return play_episodes(policy, LEVELS, np.arange(12), {}, rng=None, seed=0)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """The episodes of a policy on all levels."""
+    return played(Linear())
+
+
+def test_every_level_is_played_as_in_an_environment_of_its_own(rows):
     assert [row["level"] for row in rows] == list(range(12))
     for level, row in enumerate(rows):
         rewards, success, death = plain_episode(level, Linear())
@@ -68,10 +77,9 @@ def test_every_level_is_played_as_in_an_environment_of_its_own():
         assert (row["length"], row["success"], row["death"]) == (len(rewards), success, death)
 
 
-def test_results_do_not_depend_on_the_batch(monkeypatch):
-    whole = play_episodes(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)
+def test_results_do_not_depend_on_the_batch(rows, monkeypatch):
     monkeypatch.setattr(episodes, "BATCH", 5)
-    assert play_episodes(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0) == whole
+    assert played(Linear()) == rows
 
 
 class Counting(Linear):
@@ -90,11 +98,10 @@ class Remembering(Counting):
         self.number = env.num_envs
 
 
-def test_only_those_act_whose_episode_goes_on_unless_the_policy_knows_its_environments():
-    lengths = np.array([row["length"] for row in play_episodes(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)])
+def test_only_those_act_whose_episode_goes_on_unless_the_policy_knows_its_environments(rows):
+    lengths = np.array([row["length"] for row in rows])
     some, all_of_them = Counting(), Remembering()
-    rows = [play_episodes(policy, LEVELS, np.arange(12), {}, rng=None, seed=0) for policy in (some, all_of_them)]
-    assert rows[0] == rows[1]
+    assert played(some) == played(all_of_them) == rows
     assert some.acted == [int((lengths > t).sum()) for t in range(lengths.max())]
     assert all_of_them.acted == [12] * lengths.max()
 

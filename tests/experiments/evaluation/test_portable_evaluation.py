@@ -1,9 +1,6 @@
 """Evaluation by portable networks: what torch's agents do, with results that are the same bits on every processor."""
 
 import json
-import os
-import subprocess
-import sys
 from functools import cache
 
 import numpy as np
@@ -13,7 +10,6 @@ import pytest
 import segar
 from segar.evaluation import evaluate_policy
 from segar.experiments.algorithms.portable import PortableAgent
-from segar.experiments.commands.kernels import LIMITS
 from segar.experiments.evaluation.episodes import play_episodes
 from segar.experiments.evaluation.evaluator import evaluate
 from segar.experiments.levels.builders import Prepared
@@ -31,8 +27,8 @@ from segar.experiments.settings import (
 )
 from segar.experiments.training.run import run
 from segar.policies import Network, NetworkPolicy
-from segar.support import WORKSPACE
 from tests.experiments.short_runs import short_run
+from tests.experiments.training.test_portable import python
 
 QUICK = {"scores": False, "videos": "none"}
 ROLLOUT = {"num_envs": 8, "num_steps": 16, "minibatches": 2, "widths": (32,), "head_width": 16, "precision": "fp32"}
@@ -109,20 +105,9 @@ def test_threads_and_batches_change_nothing(trained, monkeypatch):
 
 
 def hashes(trained, name, folder, **limits):
-    environment = {key: value for key, value in os.environ.items() if key not in LIMITS}
-    environment |= {
-        **limits,
-        "PYTHONPATH": str(WORKSPACE),
-        "SEGAR_CACHE_DIR": str(folder),
-    }
-    command = [
-        sys.executable,
-        "-m",
-        "tests.experiments.evaluation.portable_evaluation",
-        name,
-        *(str(trained(one)) for one in RUNS),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=WORKSPACE)
+    folders = (str(trained(one)) for one in RUNS)
+    limits |= {"SEGAR_CACHE_DIR": str(folder)}
+    done = python("-m", "tests.experiments.evaluation.portable_evaluation", name, *folders, limits=limits)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -91,8 +91,9 @@ def test_names_of_runs_of_named_families_are_those_of_the_task_that_they_are_for
 
 
 @pytest.mark.parametrize("levels", [*segar.families(), *TASK_LEVELS])
-def test_named_levels_are_played_in_their_own_task(levels):
-    config = on(levels)
+def test_named_levels_are_a_choice_and_are_played_in_their_own_task(levels):
+    config = compose([f"levels={levels}"])
+    assert config.levels.train == levels
     assert (
         Prepared(config).task_name == Prepared(config.resolved()).task_name == (segar.family(levels).task or "puttputt")
     )

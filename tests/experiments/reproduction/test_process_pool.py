@@ -32,13 +32,6 @@ def jobs(folder, *hows):
     return [Job(f"{i}-{how}", how, folder / "logs" / f"{i}-{how}.log") for i, how in enumerate(hows)]
 
 
-def test_what_a_job_prints_goes_to_its_log(tmp_path, capfd):
-    (outcome,) = run_jobs(jobs(tmp_path, "print"), behave, processes=1)
-    assert outcome.error is None
-    assert sorted(outcome.job.log.read_text().splitlines()) == ["a line from Python", "a line from below"]
-    assert capfd.readouterr() == ("", "")
-
-
 MAIN = """
 import numpy as np  # loads its library in every process of the pool, before the pool can say how many threads it has
 from pathlib import Path
@@ -62,7 +55,7 @@ def test_no_library_takes_more_than_one_thread(tmp_path):
     assert done.stdout.strip() == "[1]", done.stderr
 
 
-def test_a_failing_job_stops_no_other_and_leaves_its_traceback(tmp_path):
+def test_a_failing_job_stops_no_other_and_what_all_print_goes_to_their_logs(tmp_path, capfd):
     told = []
     outcomes = run_jobs(jobs(tmp_path, "print", "fail", "print", "threads"), behave, 2, told.append)
     errors = {outcome.job.name: outcome.error for outcome in outcomes}
@@ -72,7 +65,9 @@ def test_a_failing_job_stops_no_other_and_leaves_its_traceback(tmp_path):
         "2-print": None,
         "3-threads": None,
     }
-    assert told == outcomes
+    assert told == outcomes and capfd.readouterr() == ("", "")
+    printed = (tmp_path / "logs" / "0-print.log").read_text().splitlines()
+    assert sorted(printed) == ["a line from Python", "a line from below"]
     assert "in behave" in (tmp_path / "logs" / "1-fail.log").read_text()
     assert (tmp_path / "logs" / "3-threads.log").read_text() == "1\n"
 

@@ -73,6 +73,9 @@ def test_every_run_is_trained_once_after_a_plan(tmp_path, capfd):
     assert "[1/4]" in said and " left\n" in said
     assert "[4/4]" in said and "all done" in said
     assert said.index("smoke: 4 runs") < said.index("[1/4]")
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    assert len(trained(tmp_path)) == 4
+    assert "4 done, 0 to do" in capfd.readouterr().out
 
 
 @pytest.mark.usefixtures("one_process")
@@ -95,17 +98,6 @@ def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path, 
     assert len(trained(tmp_path)) == 6
     reproduce(asked(tmp_path), pretend, finish_nothing)
     assert len(trained(tmp_path)) == 6
-
-
-@pytest.mark.usefixtures("one_process")
-def test_finished_runs_are_not_trained_again(tmp_path, capfd):
-    pretend_to_train(cells_of(asked(tmp_path).run)[2])
-    reproduce(asked(tmp_path), pretend, finish_nothing)
-    assert len(trained(tmp_path)) == len(set(trained(tmp_path))) == 4
-    assert "1 done, 3 to do" in capfd.readouterr().out
-    reproduce(asked(tmp_path), pretend, finish_nothing)
-    assert len(trained(tmp_path)) == 4
-    assert "4 done, 0 to do" in capfd.readouterr().out
 
 
 @pytest.mark.usefixtures("one_process")

@@ -1,17 +1,14 @@
 """A user trains with a package of her own, edits it, and gives the same command again: every edit that matters is noticed."""
 
 import json
-import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from segar.experiments.runs.own_files import file_digest
-from segar.support import WORKSPACE
-from tests.experiments.short_runs import run_module
+from tests.experiments.short_runs import begin_module, run_module
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
@@ -132,19 +129,8 @@ def test_another_setting_is_another_run(study):
 @pytest.mark.parametrize("moment", ["*/journal.jsonl", "*/summary.json"])
 def test_an_edit_during_a_multirun_is_never_recorded_as_what_was_executed(tmp_path, moment):
     folder = shutil.copytree(STUDY, tmp_path / "wind")
-    command = [
-        sys.executable,
-        "-m",
-        "segar.experiments.train",
-        "--config-dir",
-        "conf",
-        "--multirun",
-        *SETTINGS,
-        "seed=1,2",
-    ]
-    process = subprocess.Popen(
-        command, cwd=folder, env={**os.environ, "PYTHONPATH": f"{WORKSPACE}{os.pathsep}{folder}"}
-    )
+    command = ("segar.experiments.train", "--config-dir", "conf", "--multirun", *SETTINGS, "seed=1,2")
+    process = begin_module(*command, cwd=folder)
     until(lambda: any((folder / "runs").glob(moment)))
     edit(folder, "windlab/helper.py", "0.5", "0.6")
     assert process.wait(120) == 1

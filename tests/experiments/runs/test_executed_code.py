@@ -160,14 +160,14 @@ def test_the_text_of_an_error_is_no_code_that_a_run_executes(package):
 def test_an_edit_of_the_library_changes_the_parts_that_execute_it_and_textures_where_they_are_shown(library):
     config = Prepared(dataclasses.replace(CONFIG, observation=ObservationConfig("textures")))
 
-    def edit(path: Path) -> dict[str, str]:
-        path.write_bytes(path.read_bytes() + b"\nmore = 1\n")
+    def edit(*paths: Path) -> dict[str, str]:
+        for path in paths:
+            path.write_bytes(path.read_bytes() + b"\nmore = 1\n")
         module._library.cache_clear()
         return executed_code(config)
 
     before = executed_code(config)
-    for file in ("cli/play.py", "rendering/scene.py", "errors.py"):
-        after = edit(library / file)
+    after = edit(*(library / file for file in ("cli/play.py", "rendering/scene.py", "errors.py")))
     assert after == before
     texture = next((library / "textures" / "data").glob("*.npz"))
     for part, path in [

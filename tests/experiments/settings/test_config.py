@@ -129,11 +129,6 @@ def test_levels_that_cannot_be_placed_are_told(own_module):
         make_levels(compose(["levels.train=own_levels:crowded"]).levels)
 
 
-@pytest.mark.parametrize("family", [*segar.families(), *TASK_LEVELS])
-def test_every_named_family_is_a_choice_of_levels(family):
-    assert compose([f"levels={family}"]).levels.train == family
-
-
 @pytest.mark.parametrize("task", [name for name in TASKS if name in TASK_LEVELS])
 def test_each_task_is_a_choice_of_task_for_its_levels(task):
     config = compose([f"levels={task}", f"task={task}", "levels.count=2", "levels.test_count=1"])

@@ -3,7 +3,6 @@
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 import warnings
@@ -20,8 +19,7 @@ from segar.experiments.tracking.mlflow_sync import read_sync_state, tags_of
 from segar.experiments.tracking.mlflow_views import tags_of_views
 from segar.experiments.training.run import run
 from segar.experiments.upload import upload
-from segar.support import WORKSPACE
-from tests.experiments.short_runs import COMMAND, before_iteration
+from tests.experiments.short_runs import COMMAND, before_iteration, begin_module
 from tests.experiments.tracking.mlflow_server import MLflowServer, has_each_figure_once, in_folder, logged, long_run
 from tests.waiting import PATIENCE, until
 
@@ -128,9 +126,8 @@ def test_runs_that_begin_at_once_in_folders_of_their_own_find_each_other_in_one_
         cwd.mkdir()
         settings = [f"root={tmp_path / 'runs'}", f"folder={tmp_path / f'run{seed}'}", f"seed={seed}"]
         settings += [f"tracking.uri='{uri}'", "tracking.experiment=at_once", "tracking.sweep=both"]
-        command = [sys.executable, "-m", "segar.experiments.train", *COMMAND, *settings]
-        environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
-        processes.append(subprocess.Popen(command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True))
+        asked = ("segar.experiments.train", *COMMAND, *settings)
+        processes.append(begin_module(*asked, cwd=cwd, stderr=subprocess.PIPE))
     said = [process.communicate()[1] for process in processes]
     assert [process.returncode for process in processes] == [0, 0], said
     assert not any("has not got all" in errors for errors in said), said
@@ -151,15 +148,14 @@ def test_eight_runs_at_once_into_a_database_that_is_killed_and_started_again_hav
     uri, root, log = postgres.new_database("killed"), tmp_path / "runs", tmp_path / "log"
     settings = ["seed=1,2,3,4,5,6,7,8", "scale.frames=12_800", f"root={root}", f"tracking.uri='{uri}'"]
     settings += ["tracking.interval=0.1", "hydra/launcher=cores", "hydra.launcher.n_jobs=8"]
-    command = [sys.executable, "-m", "segar.experiments.train", "--multirun", *COMMAND, *settings]
-    environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
 
     def count(happened):
         return sum(happened(folder) for folder in run_folders(root))
 
     open_store(TrackingConfig(uri=uri), root)  # makes the tables, which takes longer than a run
     with log.open("w") as errors:
-        process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=errors, start_new_session=True)
+        asked = ("segar.experiments.train", "--multirun", *COMMAND, *settings)
+        process = begin_module(*asked, cwd=tmp_path, stderr=errors)
     try:
         until(lambda: count(lambda folder: is_told(folder) or is_finished(folder)) == 8)
         postgres.kill()

@@ -28,12 +28,12 @@ from segar.experiments.runs.run_folder import (
 )
 from segar.experiments.settings import CheckpointError, RunFolderError, ScaleConfig, TrainingError
 from segar.experiments.training.run import run
-from segar.support import WORKSPACE
 from tests.experiments.short_runs import (
     COMMAND,
     FRAMES,
     ITERATIONS,
     before_iteration,
+    begin_module,
     killed_after,
     same_results,
     short_run,
@@ -133,10 +133,8 @@ def test_a_run_in_another_thread_trains_without_watching_signals(tmp_path):
 
 @pytest.mark.slow
 def test_the_command_says_why_it_stopped_and_ends_as_the_shell_has_it(tmp_path):
-    command = [sys.executable, "-m", "segar.experiments.train", *COMMAND, "tracking=none", f"folder={tmp_path / 'run'}"]
-    command += ["scale.frames=100_000_000"]
-    environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
-    process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+    asked = (*COMMAND, "tracking=none", f"folder={tmp_path / 'run'}", "scale.frames=100_000_000")
+    process = begin_module("segar.experiments.train", *asked, cwd=tmp_path, stderr=subprocess.PIPE)
     while not (tmp_path / "run" / CHECKPOINT).exists():
         assert process.poll() is None, process.communicate()
         time.sleep(0.05)
@@ -278,28 +276,19 @@ assert ITERATIONS == 4  # the numbers above are written out
 
 KILLS = 10
 LONG = (
-    "levels=empty-easy",
-    "levels.count=2",
-    "levels.test_count=3",
-    "algorithm=ppo_fast",
+    *COMMAND,
     "algorithm.num_envs=16",
-    "algorithm.num_steps=8",
+    "algorithm.anneal=true",
     "scale.frames=25_600",
     "evaluation.interval=6_400",
-    "evaluation.episodes=2",
-    "evaluation.distances=[exact]",
-    "checkpoint_interval=0",
-    "progress=false",
     "tracking=none",
 )
 
 
 def command(cwd, folder):
     """The process of a longer run, which evaluates now and then."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "segar.experiments.train", *LONG, f"folder={folder}"],
-        cwd=cwd, env={**os.environ, "PYTHONPATH": str(WORKSPACE)}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    return begin_module("segar.experiments.train", *LONG, f"folder={folder}", cwd=cwd, **pipes)
 
 
 @pytest.mark.slow

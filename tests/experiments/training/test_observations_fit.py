@@ -43,11 +43,6 @@ def test_a_state_of_other_entities_is_refused_with_the_first_that_differs(train,
         check(train, test)
 
 
-@pytest.mark.parametrize("test", ["empty-hard", "empty-easy"])
-def test_levels_with_the_same_entities_fit(test):
-    check("empty-easy", test)
-
-
 def test_pixels_and_states_of_chosen_entities_fit_all_levels():
     check("empty-easy", "objectsx1-easy", "rgb")
     check("empty-easy", "objectsx1-easy", "state", entities=["golfball", "goal"])

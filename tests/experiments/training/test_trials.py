@@ -15,7 +15,6 @@ from segar.experiments.levels.builders import Prepared
 from segar.experiments.reproduction.grid import varied_columns, with_settings
 from segar.experiments.runs.run_folder import read_episodes, read_summary
 from segar.experiments.settings import (
-    ConfigError,
     EvaluateConfig,
     ObservationConfig,
     PPOConfig,
@@ -113,12 +112,6 @@ def test_a_recurrent_agent_keeps_its_memory_between_trials_in_evaluation():
             if final["level"][e] == e and len([one for one in returns if one[1] == e]) < 3:
                 returns.append((int(final["trial"][e]), int(e), float(final["return"][e])))
     assert sorted(returns) == [(row["trial"], row["level"], row["return"]) for row in rows]
-
-
-@pytest.mark.parametrize("wrong", [0, -1, 1.5, True, "two"])
-def test_a_wrong_number_of_trials_is_refused_by_its_name(wrong):
-    with pytest.raises(ConfigError, match=r"^trials: "):
-        run_config({**as_data(RunConfig()), "trials": wrong})
 
 
 def test_a_study_varies_trials_and_its_tables_say_how_many_also_by_default():
