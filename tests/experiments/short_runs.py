@@ -12,14 +12,7 @@ import torch
 
 from segar.experiments.algorithms.checkpoint import read_checkpoint
 from segar.experiments.runs.run_folder import CHECKPOINT, read_episodes, read_metrics
-from segar.experiments.settings import (
-    EvaluationConfig,
-    LevelsConfig,
-    PPOConfig,
-    RunConfig,
-    ScaleConfig,
-    TrackingConfig,
-)
+from segar.experiments.settings import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
 from segar.experiments.training.training_loop import Training
 from segar.support import WORKSPACE
 

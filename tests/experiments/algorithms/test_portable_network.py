@@ -7,14 +7,11 @@ import pytest
 import torch
 from torch import nn
 
-from segar.experiments.algorithms.drq import DrQ
+from segar.experiments.algorithms.learner import learner_class
 from segar.experiments.algorithms.portable import PortableAgent, network_of
-from segar.experiments.algorithms.ppg import PPG
-from segar.experiments.algorithms.ppo import PPO, PPOPolicy
-from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO
-from segar.experiments.algorithms.sac import SAC
+from segar.experiments.algorithms.ppo import PPOPolicy
 from segar.experiments.networks.encoders import FrameEncoder, initialize
-from segar.experiments.settings import ConfigError, DrQConfig, PPGConfig, PPOConfig, RecurrentPPOConfig, SACConfig
+from segar.experiments.settings import KINDS, ConfigError
 from segar.experiments.settings.algorithms import CNNS
 from segar.policies import NetworkPolicy
 from segar.policies.kernels import normal
@@ -25,23 +22,23 @@ TOLERANCE = 1e-5  # of actions
 FRAMES, STACKS, VECTORS = (64, 64, 3), (64, 64, 6), (23,)
 FLOAT32 = {"precision": "fp32"}
 CASES = {
-    "states": (PPO, PPOConfig(), VECTORS),
-    "states, linear heads": (PPO, PPOConfig(widths=(30, 7), head_width=0, shared=False), VECTORS),
-    **{f"{name}, frames": (PPO, PPOConfig(encoder=name, **FLOAT32), FRAMES) for name in CNNS},
-    **{f"{name}, stacks": (PPO, PPOConfig(encoder=name, **FLOAT32), STACKS) for name in CNNS},
-    "odd frames": (PPO, PPOConfig(encoder="impala", **FLOAT32), (37, 51, 4)),
-    "ppg": (PPG, PPGConfig(encoder="small", **FLOAT32), FRAMES),
-    "gru": (RecurrentPPO, RecurrentPPOConfig(encoder="small", core_width=37, **FLOAT32), FRAMES),
-    "lstm": (RecurrentPPO, RecurrentPPOConfig(core="lstm"), VECTORS),
-    "sac": (SAC, SACConfig(), VECTORS),
-    "drq": (DrQ, DrQConfig(**FLOAT32), STACKS),
-    "drq of 2022": (DrQ, DrQConfig(encoder="cnn_2022", **FLOAT32), FRAMES),
+    "states": (KINDS["ppo"](), VECTORS),
+    "states, linear heads": (KINDS["ppo"](widths=(30, 7), head_width=0, shared=False), VECTORS),
+    **{f"{name}, frames": (KINDS["ppo"](encoder=name, **FLOAT32), FRAMES) for name in CNNS},
+    **{f"{name}, stacks": (KINDS["ppo"](encoder=name, **FLOAT32), STACKS) for name in CNNS},
+    "odd frames": (KINDS["ppo"](encoder="impala", **FLOAT32), (37, 51, 4)),
+    "ppg": (KINDS["ppg"](encoder="small", **FLOAT32), FRAMES),
+    "gru": (KINDS["ppo_recurrent"](encoder="small", core_width=37, **FLOAT32), FRAMES),
+    "lstm": (KINDS["ppo_recurrent"](core="lstm"), VECTORS),
+    "sac": (KINDS["sac"](), VECTORS),
+    "drq": (KINDS["drq"](**FLOAT32), STACKS),
+    "drq of 2022": (KINDS["drq"](encoder="cnn_2022", **FLOAT32), FRAMES),
 }
 
 
-def random_policy(algorithm, config, shape, seed=1):
+def random_policy(config, shape, seed=1):
     """A policy with random weights and biases."""
-    policy = algorithm.make_policy(config, shape, 2)
+    policy = learner_class(config).make_policy(config, shape, 2)
     rng = torch.Generator().manual_seed(seed)
     initialize(policy, rng)
     for weights in policy.parameters():
@@ -200,4 +197,4 @@ def test_a_policy_of_somebodys_own_is_refused():
         pass
 
     with pytest.raises(ConfigError, match=r"the policy is a .*Mine, and only those of the built-in algorithms"):
-        network_of(Mine(PPOConfig(), VECTORS, 2), VECTORS, puttputt())
+        network_of(Mine(KINDS["ppo"](), VECTORS, 2), VECTORS, puttputt())

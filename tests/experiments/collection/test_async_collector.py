@@ -7,32 +7,30 @@ import torch
 
 from segar import family
 from segar.errors import ActionError
-from segar.experiments.algorithms.curl import CURL
-from segar.experiments.algorithms.drac import DrAC
-from segar.experiments.algorithms.ppg import PPG
+from segar.experiments.algorithms.learner import learner_class
 from segar.experiments.algorithms.ppo import PPO
-from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
-from segar.experiments.settings import CURLConfig, DrACConfig, PPGConfig, PPOConfig
+from segar.experiments.settings import KINDS
 from segar.experiments.training.run import run
 from tests.experiments.conftest import Here
 from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
 
 LEVELS = family("tilesx1-hard").sample(10, seed=0)
 SIZE = {"num_envs": 6, "num_steps": 16, "minibatches": 2, "head_width": 0, "overlap": True}
-SMALL = PPOConfig(widths=(16,), **SIZE)
-KINDS = {
-    "state": (PPO, SMALL, "state"),
-    "stacks": (PPO, dataclasses.replace(SMALL, encoder="keypoints", steps_together=4), "rgb_stack2"),
-    "recurrent": (RecurrentPPO, RecurrentPPOConfig(widths=(16,), core_width=8, **SIZE), "state"),
-    "curl": (CURL, CURLConfig(encoder="small", auxiliary_minibatches=2, **SIZE), "rgb"),
-    "ppg": (PPG, PPGConfig(phase=1, auxiliary_minibatches=2, widths=(16,), **SIZE), "state"),
-    "drac": (DrAC, DrACConfig(encoder="small", **SIZE), "rgb"),
+SMALL = KINDS["ppo"](widths=(16,), **SIZE)
+CASES = {
+    "state": (SMALL, "state"),
+    "stacks": (dataclasses.replace(SMALL, encoder="keypoints", steps_together=4), "rgb_stack2"),
+    "recurrent": (KINDS["ppo_recurrent"](widths=(16,), core_width=8, **SIZE), "state"),
+    "curl": (KINDS["curl"](encoder="small", auxiliary_minibatches=2, **SIZE), "rgb"),
+    "ppg": (KINDS["ppg"](phase=1, auxiliary_minibatches=2, widths=(16,), **SIZE), "state"),
+    "drac": (KINDS["drac"](encoder="small", **SIZE), "rgb"),
 }
 BATCH = SMALL.num_envs * SMALL.num_steps
 
 
 def learner(kind="state", seed=0, iterations=5):
-    learns, config, observation = KINDS[kind]
+    config, observation = CASES[kind]
+    learns = learner_class(config)
     env = learns.make_env(LEVELS, config.num_envs, seed=seed, observation=observation)
     return learns(config, env, iterations * BATCH, seed)
 
@@ -41,7 +39,7 @@ def ppo_of(one):
     return one if isinstance(one, PPO) else one.ppo
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", CASES)
 def test_a_thread_collects_what_would_be_collected_in_turn(kind):
     ahead, in_turn = learner(kind), learner(kind)
     ppo_of(in_turn).collector.executor = Here()
@@ -75,7 +73,7 @@ def test_nothing_is_collected_that_nobody_learns_on():
     assert pending == [True, True, False]
 
 
-OVERLAPPING = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0, overlap=True)
+OVERLAPPING = KINDS["ppo"](num_envs=8, num_steps=8, widths=(8,), head_width=0, overlap=True)
 
 
 @pytest.fixture(scope="module")

@@ -7,48 +7,30 @@ import pytest
 import torch
 
 from segar import family
-from segar.engine.cuda.driver import Driver
-from segar.envs import device_episodes
-from segar.envs.device_episodes import GPU
-from segar.experiments.algorithms.curl import CURL
-from segar.experiments.algorithms.drac import DrAC
-from segar.experiments.algorithms.drq import DrQ
-from segar.experiments.algorithms.ppg import PPG
+from segar.experiments.algorithms.learner import learner_class
 from segar.experiments.algorithms.ppo import PPO
-from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
-from segar.experiments.algorithms.sac import SAC
-from segar.experiments.algorithms.spr import SPR
 from segar.experiments.collection.collector import DeviceCollector
-from segar.experiments.settings import (
-    ConfigError,
-    CURLConfig,
-    DrACConfig,
-    DrQConfig,
-    PPGConfig,
-    PPOConfig,
-    SACConfig,
-    SPRConfig,
-)
+from segar.experiments.settings import KINDS, ConfigError
 from segar.observations import Pixels, Stack
-from tests.segar.engine.cuda.stub_driver import StubDriver
+from tests.experiments.training.test_on_a_gpu import stub_driver
 
 LEVELS = family("tilesx1-hard").sample(10, seed=0)
 STACK = Stack(Pixels(32), 2)
 SIZE = {"num_envs": 6, "num_steps": 12, "minibatches": 2, "head_width": 0, "widths": (16,), "reward_normalise": True}
 FRAMES = {**SIZE, "num_envs": 4, "num_steps": 6, "encoder": "keypoints", "precision": "fp32"}
-KINDS = {
-    "ppo": (PPO, PPOConfig(**SIZE), "state"),
-    "recurrent": (RecurrentPPO, RecurrentPPOConfig(core_width=8, **SIZE), "state"),
-    "recurrent, apart": (RecurrentPPO, RecurrentPPOConfig(core_width=8, joins_trials=False, **SIZE), "state"),
-    "ppo, stacks": (PPO, PPOConfig(**FRAMES), STACK),
+PPOS = {
+    "ppo": (KINDS["ppo"](**SIZE), "state"),
+    "recurrent": (KINDS["ppo_recurrent"](core_width=8, **SIZE), "state"),
+    "recurrent, apart": (KINDS["ppo_recurrent"](core_width=8, joins_trials=False, **SIZE), "state"),
+    "ppo, stacks": (KINDS["ppo"](**FRAMES), STACK),
 }
 OTHERS = {
-    "curl": (CURL, CURLConfig(auxiliary_minibatches=2, **FRAMES), STACK),
-    "spr": (SPR, SPRConfig(auxiliary_minibatches=2, model_width=8, **FRAMES), STACK),
-    "drac": (DrAC, DrACConfig(shift=2, **FRAMES), STACK),
-    "ppg": (PPG, PPGConfig(phase=2, auxiliary_minibatches=2, **FRAMES), STACK),
-    "sac": (SAC, SACConfig(num_envs=4, num_steps=12, warmup=12, batch_size=8, capacity=60, widths=(16,)), "state"),
-    "drq": (DrQ, DrQConfig(num_envs=4, num_steps=6, warmup=8, steps_per_update=8, batch_size=4, capacity=60, widths=(16,),
+    "curl": (KINDS["curl"](auxiliary_minibatches=2, **FRAMES), STACK),
+    "spr": (KINDS["spr"](auxiliary_minibatches=2, model_width=8, **FRAMES), STACK),
+    "drac": (KINDS["drac"](shift=2, **FRAMES), STACK),
+    "ppg": (KINDS["ppg"](phase=2, auxiliary_minibatches=2, **FRAMES), STACK),
+    "sac": (KINDS["sac"](num_envs=4, num_steps=12, warmup=12, batch_size=8, capacity=60, widths=(16,)), "state"),
+    "drq": (KINDS["drq"](num_envs=4, num_steps=6, warmup=8, steps_per_update=8, batch_size=4, capacity=60, widths=(16,),
                            precision="fp32"), STACK),
 }  # fmt: skip
 
@@ -56,12 +38,12 @@ OTHERS = {
 @pytest.fixture(autouse=True)
 def gpu(monkeypatch) -> None:
     """A driver in whose stead the PTX machine works, on tensors of the processor."""
-    processor = torch.device("cpu")
-    monkeypatch.setattr(device_episodes, "open_gpu", lambda device: GPU(Driver(StubDriver()).device(), processor))
+    stub_driver(monkeypatch)
 
 
 def learner(kind, **options):
-    learns, config, observation = {**KINDS, **OTHERS}[kind]
+    config, observation = {**PPOS, **OTHERS}[kind]
+    learns = learner_class(config)
     env = learns.make_env(LEVELS, config.num_envs, seed=3, max_steps=5, observation=observation, **options)
     return learns(config, env, 1000, 0)
 

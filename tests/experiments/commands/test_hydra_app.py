@@ -252,20 +252,15 @@ def test_settings_on_both_sides_of_an_option_are_told_to_stand_on_one(monkeypatc
 
 def test_a_level_file_of_types_that_are_not_defined_names_the_setting_of_its_world(tmp_path):
     path = tmp_path / "one.npz"
-    with pytest.raises(ConfigError) as caught:
-        unknown_types(path)
-    assert "levels.world=" in str(caught.value) and "--world" not in str(caught.value)
-
-
-def unknown_types(path):
-    """Reads levels whose entity type is not defined any more."""
     code = "\n".join([
         "import segar", "class Skiff(segar.GolfBall):\n    pass",
         "dist = segar.LevelDistribution(numbers=[(Skiff, 1), (segar.GoalTile, 1)],"
         " priors=[segar.Prior(segar.Position, segar.RandomUniformLocation())])", f"dist.sample(2).save({str(path)!r})",
     ])  # fmt: skip
     subprocess.run([sys.executable, "-c", code], check=True)
-    levels_in(path, None, "levels.train", "levels.world")
+    with pytest.raises(ConfigError) as caught:
+        levels_in(path, None, "levels.train", "levels.world")
+    assert "levels.world=" in str(caught.value) and "--world" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

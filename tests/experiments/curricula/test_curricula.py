@@ -14,21 +14,16 @@ from segar.experiments.levels.builders import Prepared
 from segar.experiments.levels.endless import stream_of
 from segar.experiments.runs.run_folder import read_metrics, read_played
 from segar.experiments.settings import (
+    KINDS,
     ACCELConfig,
     ConfigError,
-    CURLConfig,
-    DrQConfig,
     LevelsConfig,
     ObservationConfig,
     PLRConfig,
-    PPOConfig,
-    RecurrentPPOConfig,
     RobustPLRConfig,
     RunConfig,
-    SACConfig,
     ScaleConfig,
     SFLConfig,
-    SPRConfig,
     UniformConfig,
     run_config,
 )
@@ -39,8 +34,8 @@ from segar.suites import suite
 from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
 
 ENDLESS = LevelsConfig(train="empty-easy", count="endless", test_count=3)
-PPO = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0)
-RECURRENT = RecurrentPPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0, core_width=4, minibatches=2)
+PPO = KINDS["ppo"](num_envs=8, num_steps=8, widths=(8,), head_width=0)
+RECURRENT = KINDS["ppo_recurrent"](num_envs=8, num_steps=8, widths=(8,), head_width=0, core_width=4, minibatches=2)
 SMALL = {"capacity": 16, "min_scored": 0.25, "log_interval": FRAMES}
 TRIED = {**SMALL, "batch": 8, "counts_tried": False}
 ROLLOUT = {"num_envs": 4, "num_steps": 16, "widths": (8,)}
@@ -57,10 +52,10 @@ CHOSEN = {
     "plr_robust": (RobustPLRConfig(**TRIED), PPO),
     "accel": (ACCELConfig(**TRIED), RECURRENT),
     "sfl": (SFLConfig(candidates=4, kept=2, episodes=2, batch=8, interval=FRAMES, counts_tried=False), PPO),
-    "sac": (None, SACConfig(**REPLAY)),
-    "drq": (None, DrQConfig(**REPLAY, encoder="small")),
-    "curl": (None, CURLConfig(**AUXILIARY)),
-    "spr": (None, SPRConfig(**AUXILIARY)),
+    "sac": (None, KINDS["sac"](**REPLAY)),
+    "drq": (None, KINDS["drq"](**REPLAY, encoder="small")),
+    "curl": (None, KINDS["curl"](**AUXILIARY)),
+    "spr": (None, KINDS["spr"](**AUXILIARY)),
 }
 
 
@@ -186,7 +181,10 @@ def test_children_of_accel_are_levels_of_the_distribution_and_none_of_the_test(n
     ("changes", "message"),
     [
         ({"curriculum": ACCELConfig()}, "plays levels beyond any fixed set; give levels.count=endless"),
-        ({"curriculum": PLRConfig(), "algorithm": SACConfig(num_envs=4, warmup=8)}, "SAC has none, because it learns"),
+        (
+            {"curriculum": PLRConfig(), "algorithm": KINDS["sac"](num_envs=4, warmup=8)},
+            "SAC has none, because it learns",
+        ),
         ({"curriculum": PLRConfig(), "algorithm": dataclasses.replace(PPO, overlap=True)}, "algorithm.overlap=false"),
     ],
 )

@@ -15,14 +15,12 @@ from segar.experiments.evaluation.evaluator import evaluate
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.runs.run_folder import read_config
 from segar.experiments.settings import (
+    KINDS,
     ConfigError,
-    DrQConfig,
     EvaluateConfig,
     LevelsConfig,
     ObservationConfig,
     PPOConfig,
-    RecurrentPPOConfig,
-    SACConfig,
     ScaleConfig,
 )
 from segar.experiments.training.run import run
@@ -35,13 +33,13 @@ ROLLOUT = {"num_envs": 8, "num_steps": 16, "minibatches": 2, "widths": (32,), "h
 REPLAY = {"num_envs": 2, "num_steps": 16, "warmup": 32, "batch_size": 32, "capacity": 500}
 STATE, FRAMES, STACKS = ObservationConfig("state"), ObservationConfig("rgb"), ObservationConfig("rgb_stack2")
 RUNS = {
-    "ppo": (PPOConfig(**ROLLOUT), STATE),
-    "nature": (PPOConfig(**ROLLOUT, encoder="nature"), FRAMES),
-    "keypoints": (PPOConfig(**ROLLOUT, encoder="keypoints"), STACKS),
-    "gru": (RecurrentPPOConfig(**ROLLOUT, core_width=16, encoder="small"), FRAMES),
-    "lstm": (RecurrentPPOConfig(**ROLLOUT, core_width=16, core="lstm"), STATE),
-    "sac": (SACConfig(**REPLAY), STATE),
-    "drq": (DrQConfig(**REPLAY, precision="fp32"), STACKS),
+    "ppo": (KINDS["ppo"](**ROLLOUT), STATE),
+    "nature": (KINDS["ppo"](**ROLLOUT, encoder="nature"), FRAMES),
+    "keypoints": (KINDS["ppo"](**ROLLOUT, encoder="keypoints"), STACKS),
+    "gru": (KINDS["ppo_recurrent"](**ROLLOUT, core_width=16, encoder="small"), FRAMES),
+    "lstm": (KINDS["ppo_recurrent"](**ROLLOUT, core_width=16, core="lstm"), STATE),
+    "sac": (KINDS["sac"](**REPLAY), STATE),
+    "drq": (KINDS["drq"](**REPLAY, precision="fp32"), STACKS),
 }
 # What a processor of fifteen years ago would choose, and numba's plainest.
 LIMITED = {
@@ -128,7 +126,7 @@ def test_an_encoder_of_somebodys_own_that_cannot_be_portable_is_refused_before_a
         "    return nn.Sequential(nn.Conv2d(depth, 4, 16, 16), Twice(), nn.Flatten(), nn.Linear(64, 256))\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    algorithm = PPOConfig(**ROLLOUT, encoder="nets:tiny")
+    algorithm = KINDS["ppo"](**ROLLOUT, encoder="nets:tiny")
     folder = run(short_run(tmp_path / "run", algorithm=algorithm, observation=FRAMES)).folder
     with pytest.raises(ConfigError, match=r"'actor.encoder.trunk.1' of the policy is a nets.Twice"):
         evaluate(EvaluateConfig(str(folder), portable=True, **QUICK))

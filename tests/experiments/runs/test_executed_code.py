@@ -138,11 +138,17 @@ def test_a_source_is_the_same_code_on_every_version_of_python():
     assert hashlib.sha256(normalised(source)).hexdigest()[:16] == "132f90aa4bd51624"
 
 
-def test_every_module_that_a_setting_names_counts(package):
+@pytest.fixture(scope="module")
+def plain():
+    """The code of a run that names nothing of anybody's own."""
+    return executed_code(Prepared(CONFIG))
+
+
+def test_every_module_that_a_setting_names_counts(package, plain):
     (package / "nets.py").write_text("def tiny(height, width, depth):\n    return None\n")
     named = dataclasses.replace(CONFIG, algorithm=PPOConfig(encoder="my_lab.nets:tiny"))
     before = executed_code(Prepared(named))
-    assert set(before) - set(executed_code(Prepared(CONFIG))) == {"my_lab/__init__.py", "my_lab/nets.py"}
+    assert set(before) - set(plain) == {"my_lab/__init__.py", "my_lab/nets.py"}
     edited(package / "nets.py", "None", "1")
     assert differing_parts(before, executed_code(Prepared(named))) == ["my_lab/nets.py"]
 
@@ -179,15 +185,14 @@ def test_an_edit_of_the_library_changes_the_parts_that_execute_it_and_textures_w
     assert "textures" not in executed_code(Prepared(CONFIG))
 
 
-def test_other_rules_are_another_kernel_and_another_algorithm_is_another_learner(package):
+def test_other_rules_are_another_kernel_and_another_algorithm_is_another_learner(package, plain):
     (package / "levels.py").write_text(
         "import segar\n\n\ndef frictionless():\n    return segar.family('empty-easy').with_rules([segar.move])\n"
     )
-    before = executed_code(Prepared(CONFIG))
     other = dataclasses.replace(CONFIG, levels=dataclasses.replace(CONFIG.levels, train="my_lab.levels:frictionless"))
-    assert differing_parts(before, executed_code(Prepared(other))) == ["kernel"]
+    assert differing_parts(plain, executed_code(Prepared(other))) == ["kernel"]
     sac = dataclasses.replace(CONFIG, algorithm=SACConfig())
-    assert differing_parts(before, executed_code(Prepared(sac))) == ["learner"]
+    assert differing_parts(plain, executed_code(Prepared(sac))) == ["learner"]
 
 
 def test_parts_are_combined_in_any_order():

@@ -16,15 +16,20 @@ from tests.experiments.short_runs import short_run
 from tests.waiting import PATIENCE, until
 
 
+def free_port():
+    """A port on which nobody listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
 class MLflowServer:
     """Serves a store, by default one under ``folder``, at the same address whenever it is up; files lie under ``folder``."""
 
     def __init__(self, folder, store=None):
         self.folder, self.process = folder, None
         self.store = store or f"sqlite:///{folder / 'server.db'}"
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
+        self.port = free_port()
         self.uri = f"http://127.0.0.1:{self.port}"
 
     def start(self):

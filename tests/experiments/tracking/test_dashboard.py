@@ -17,6 +17,7 @@ from segar.experiments.settings import ConfigError, TrackingConfig, TrackingErro
 from segar.experiments.tracking.mlflow_store import open_store
 from segar.experiments.tracking.mlflow_views import VIEWS, link, tags_of_views
 from segar.support import WORKSPACE
+from tests.experiments.tracking.mlflow_server import free_port
 from tests.waiting import PATIENCE, until
 
 
@@ -52,9 +53,7 @@ def test_a_port_that_is_none_is_refused():
 def test_the_pages_are_served_on_loopback_tell_nobody_and_end_with_ctrl_c(tmp_path):
     client, experiment = open_store(TrackingConfig(), tmp_path)
     client.create_run(experiment, run_name="one")
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     command = [sys.executable, "-m", "segar.experiments.dashboard", f"root={tmp_path}", f"port={port}"]
     environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
     with subprocess.Popen(

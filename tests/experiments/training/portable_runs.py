@@ -8,19 +8,13 @@ from pathlib import Path
 
 from segar.experiments.commands.kernels import choose_kernels
 from segar.experiments.settings import (
-    CURLConfig,
-    DrACConfig,
-    DrQConfig,
+    KINDS,
     EvaluationConfig,
     LevelsConfig,
     ObservationConfig,
-    PPGConfig,
     PPOConfig,
-    RecurrentPPOConfig,
     RunConfig,
-    SACConfig,
     ScaleConfig,
-    SPRConfig,
     TrackingConfig,
 )
 
@@ -28,14 +22,14 @@ FRAMES, STATE = ObservationConfig("rgb_stack2"), ObservationConfig("state")
 ROLLOUT = {"num_envs": 8, "num_steps": 16, "minibatches": 2, "encoder": "keypoints", "widths": (64,), "head_width": 64}
 REPLAY = {"num_envs": 2, "num_steps": 16, "warmup": 32, "batch_size": 32, "capacity": 500}
 ALGORITHMS = {
-    "ppo": (PPOConfig(**{**ROLLOUT, "encoder": "small"}, reward_transform="sqrt"), FRAMES),
-    "ppo_recurrent": (RecurrentPPOConfig(**ROLLOUT), FRAMES),
-    "curl": (CURLConfig(**ROLLOUT, shift=2, intensity=0.05), FRAMES),
-    "spr": (SPRConfig(**ROLLOUT, horizon=2, model="transition"), FRAMES),
-    "drac": (DrACConfig(**ROLLOUT, augmentations=("colour_jitter", "random_conv"), shift=2), FRAMES),
-    "ppg": (PPGConfig(**ROLLOUT, phase=2, auxiliary_minibatches=2), FRAMES),
-    "sac": (SACConfig(**REPLAY), STATE),
-    "drq": (DrQConfig(**REPLAY), FRAMES),
+    "ppo": (KINDS["ppo"](**{**ROLLOUT, "encoder": "small"}, reward_transform="sqrt"), FRAMES),
+    "ppo_recurrent": (KINDS["ppo_recurrent"](**ROLLOUT), FRAMES),
+    "curl": (KINDS["curl"](**ROLLOUT, shift=2, intensity=0.05), FRAMES),
+    "spr": (KINDS["spr"](**ROLLOUT, horizon=2, model="transition"), FRAMES),
+    "drac": (KINDS["drac"](**ROLLOUT, augmentations=("colour_jitter", "random_conv"), shift=2), FRAMES),
+    "ppg": (KINDS["ppg"](**ROLLOUT, phase=2, auxiliary_minibatches=2), FRAMES),
+    "sac": (KINDS["sac"](**REPLAY), STATE),
+    "drq": (KINDS["drq"](**REPLAY), FRAMES),
 }
 
 

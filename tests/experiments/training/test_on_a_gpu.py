@@ -12,7 +12,6 @@ from segar.engine.cuda.driver import Driver
 from segar.envs import device_episodes
 from segar.envs.device_episodes import GPU
 from segar.experiments.algorithms import off_policy, ppo
-from segar.experiments.algorithms.checkpoint import newest_checkpoint
 from segar.experiments.reproduction.experiment_file import GridConfig
 from segar.experiments.reproduction.grid import grid_runs
 from segar.experiments.reproduction.process_pool import Job, run_jobs
@@ -28,7 +27,7 @@ from segar.experiments.settings import (
 )
 from segar.experiments.training.run import run
 from segar.observations import OneOf
-from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, short_run
+from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, short_run, weights
 from tests.segar.engine.cuda.stub_driver import StubDriver
 from tests.segar.envs.test_device import A_GPU
 
@@ -83,12 +82,6 @@ def test_processes_side_by_side_have_a_gpu_each_for_itself(stub, tmp_path):
     assert all(same(host, one) for one in devices)
 
 
-def weights(config: RunConfig) -> dict[str, torch.Tensor]:
-    found = newest_checkpoint(Path(str(config.folder)), print)
-    assert found is not None
-    return found[1]["policy"]
-
-
 def config(folder, env_device, kind=PPOConfig, observation="state", frames=FRAMES * ITERATIONS) -> RunConfig:
     algorithm = kind(**(SAC_SIZE if kind is SACConfig else PPO_SIZE), env_device=env_device)
     task = TaskConfig("puttputt", {"max_steps": 5})
@@ -102,7 +95,7 @@ def config(folder, env_device, kind=PPOConfig, observation="state", frames=FRAME
 
 
 def same(a: RunConfig, b: RunConfig) -> bool:
-    ours, theirs = weights(a), weights(b)
+    ours, theirs = (weights(Path(str(one.folder))) for one in (a, b))
     return ours.keys() == theirs.keys() and all(torch.equal(ours[name], theirs[name]) for name in ours)
 
 
