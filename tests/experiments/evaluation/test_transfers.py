@@ -10,7 +10,6 @@ import pytest
 
 from segar import World
 from segar.envs import world_of
-from segar.errors import LevelError
 from segar.experiments.evaluation.transfer_evaluation import evaluate_transfer
 from segar.experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
 from segar.experiments.levels.builders import distribution_of
@@ -92,12 +91,6 @@ def test_levels_in_between_have_the_rules_of_training_or_of_the_test_as_their_gr
         between = Transfer("x", "empty-easy", "", STATE, mixture=FactorSwap({"rules": ["World"]}, changed))
         rules = [rule.where for rule in world_of(between.levels(config)).rules]
         assert rules == [rule.where for rule in (world or World()).rules]
-
-
-def test_a_group_that_names_no_factor_is_told(trained):
-    mixture = FactorSwap({"position": ["Positon"]}, ("position",))
-    with pytest.raises(LevelError, match=r"no factor or parameter 'Positon'. Did you mean 'Position'"):
-        evaluate_transfer(trained, Transfer("x", "empty-easy", "", STATE, mixture=mixture), say=lambda line: None)
 
 
 def test_the_folder_is_named_by_what_is_tested_and_not_by_who_asks():

@@ -60,7 +60,6 @@ def test_hidden_factors_are_hidden_from_states():
         (config_of(test_variation="ball_mass"), "levels.test_variation: the suite place-few-v1 is frozen"),
         (config_of(design="clustered"), "levels.design: the suite place-few-v1 draws its training levels"),
         (config_of(test_count=201), "levels.test_count: the suite place-few-v1 has 200 test levels, not 201"),
-        (config_of("place-fw-v1"), "levels.train: there is no level family or suite 'place-fw-v1'."),
     ],
 )
 def test_what_a_suite_does_not_allow_is_told(config, message):

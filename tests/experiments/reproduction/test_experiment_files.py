@@ -57,7 +57,6 @@ HERE = "grids.mine"
         (["attribution"], {"rest": ["Size"]}, f"{HERE}.attribution.rest: 'rest' is not allowed; it must be another"),
         (["attribution"], {"a+b": ["Size"]}, f"{HERE}.attribution.a+b: 'a+b' is not allowed; it must be a name"),
         (["grid"], {}, "it must be an experiment with a grid, a study, or both"),
-        (["title"], 3, f"{HERE}.title: 3 is not text"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_place(path, value, message):

@@ -8,7 +8,6 @@ import pytest
 
 import segar
 from segar.envs import VectorEnv
-from segar.errors import PlacementError
 from segar.experiments.commands.hydra_app import compose
 from segar.experiments.levels.builders import Prepared, make_levels
 from segar.experiments.settings import (
@@ -36,13 +35,6 @@ number = 3
 def sand():
     return segar.family("tilesx1-easy")
 
-
-crowded = segar.LevelDistribution(
-    numbers=[(segar.GolfBall, 1), (segar.GoalTile, 1)],
-    priors=[segar.Prior(segar.Position, segar.RandomUniformLocation())],
-    min_distance=9.0,
-    name="crowded",
-)
 """
 
 
@@ -122,11 +114,6 @@ def test_a_name_that_stands_for_nothing_is_told_with_the_nearest_one(own_module,
         Prepared(config).env_options()
         make_levels(config.levels)
     assert says in str(caught.value)
-
-
-def test_levels_that_cannot_be_placed_are_told(own_module):
-    with pytest.raises(PlacementError, match=r"crowded.*(golfball|goal)"):
-        make_levels(compose(["levels.train=own_levels:crowded"]).levels)
 
 
 @pytest.mark.parametrize("task", [name for name in TASKS if name in TASK_LEVELS])
