@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from segar.playground import Playground
 from tests.waiting import PATIENCE, until
 
 PROGRAMS = {"chromium": ("chromium", "chromium-browser", "google-chrome"), "firefox": ("firefox-esr", "firefox")}
@@ -38,10 +39,6 @@ class Browser:
         """What the body of a function of ``argument`` returns; plain data."""
         raise NotImplementedError
 
-    def screenshot(self, path: Path) -> None:
-        """Write what the page shows now."""
-        raise NotImplementedError
-
     def until(self, holds: str, argument: Any = None) -> None:
         """Wait until an expression of ``argument`` holds; Playwright's own waiting evaluates text, which pages forbid."""
         until(lambda: self.run(f"return {holds}", argument))
@@ -50,6 +47,11 @@ class Browser:
         """Open a page of SEGAR, and wait until it can be played or has said what is wrong."""
         self.visit(path.resolve().as_uri())
         self.until("!!window.playground || !document.getElementById('trouble').hidden")
+
+    def show(self, folder: Path, made: Playground) -> None:
+        """Save a page in a folder, and open it."""
+        made.save(folder / "page.html")
+        self.open(folder / "page.html")
 
 
 class Chromium(Browser):
@@ -75,8 +77,17 @@ class Chromium(Browser):
     def run(self, body: str, argument: Any = None) -> Any:
         return self.page.evaluate(f"(argument) => {{ {body} }}", argument)
 
-    def screenshot(self, path: Path) -> None:
-        self.page.screenshot(path=path, full_page=True)
+    def assert_quiet(self) -> None:
+        """The page has said nothing to the console, and asked for nothing but itself."""
+        assert self.messages == []
+        assert [one for one in self.requests if not one.startswith(("file:", "blob:", "data:"))] == []
+
+    def assert_accessible(self) -> None:
+        """Axe finds nothing wrong with what the page shows now."""
+        from axe_playwright_python.sync_playwright import Axe
+
+        found = Axe().run(self.page)
+        assert found.violations_count == 0, found.generate_report()
 
 
 class Firefox(Browser):
@@ -92,9 +103,6 @@ class Firefox(Browser):
         # The page's own scope holds the objects of its program.
         script = f"const argument = JSON.parse(arguments[0]); {body}"
         return self.marionette.execute_script(script, [json.dumps(argument)], sandbox=None)
-
-    def screenshot(self, path: Path) -> None:
-        path.write_bytes(self.marionette.screenshot(format="binary", full=True))
 
 
 @contextmanager

@@ -3,12 +3,24 @@
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+import segar
+from segar.playground import make_playground
 from tests.segar.playground.browsers import ADVICE, Browser, Chromium, program, started
 
 OPEN: list[Browser] = []
+LEVELS = segar.family("objectsx3-hard").sample(12, seed=1)
+
+
+@pytest.fixture(scope="session")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of things of all kinds, drawn at random, some of which may be absent."""
+    path = tmp_path_factory.mktemp("page") / "page.html"
+    make_playground(LEVELS).save(path)
+    return path
 
 
 @pytest.fixture(autouse=True)

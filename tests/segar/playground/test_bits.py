@@ -11,7 +11,7 @@ from segar.levels import TASK_LEVELS, families
 from segar.playground import make_playground
 from tests.segar.playground import wild_world
 from tests.segar.playground.browsers import Browser
-from tests.segar.playground.twin_page import episodes_of, play_in, play_natively
+from tests.segar.playground.twin_page import assert_played_alike, episodes_of
 
 WORLDS = [*families(), *TASK_LEVELS]
 
@@ -44,10 +44,5 @@ def test_own_rules_with_all_functions_and_draws_play_to_the_bit(browser: Browser
 
 
 def assert_plays_alike(levels: segar.Levels, observations: Sequence[str], browser: Browser, tmp_path: Path) -> None:
-    make_playground(levels, observations=observations).save(tmp_path / "page.html")
-    browser.open(tmp_path / "page.html")
-    episodes = episodes_of(levels, 20, 100, np.random.default_rng(5))
-    found, expected = play_in(browser, episodes), play_natively(levels, observations, episodes)
-    assert sum(len(one["told"]) for one in expected) > 300
-    for k, (mine, theirs) in enumerate(zip(expected, found, strict=True)):
-        assert (k, mine) == (k, theirs)
+    browser.show(tmp_path, make_playground(levels, observations=observations))
+    assert_played_alike(levels, observations, browser, episodes_of(levels, 20, 100, np.random.default_rng(5)))

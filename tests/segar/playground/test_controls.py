@@ -11,19 +11,9 @@ import pytest
 import segar
 from segar.datasets import read_play
 from segar.envs import VectorEnv
-from segar.playground import make_playground
 from tests.segar.playground.browsers import Chromium
+from tests.segar.playground.conftest import LEVELS
 from tests.waiting import until
-
-LEVELS = 12
-
-
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page of things that are drawn at random, some of which may be absent."""
-    path = tmp_path_factory.mktemp("page") / "page.html"
-    make_playground(segar.family("objectsx3-hard").sample(LEVELS, seed=1)).save(path)
-    return path
 
 
 @pytest.fixture
@@ -31,8 +21,7 @@ def page(chromium: Chromium, saved: Path) -> Iterator[Any]:
     """The page, opened anew; it has said nothing to the console when the test ends, and asked for nothing."""
     chromium.open(saved)
     yield chromium.page
-    assert chromium.messages == []
-    assert [one for one in chromium.requests if not one.startswith(("file:", "blob:", "data:"))] == []
+    chromium.assert_quiet()
 
 
 def state(page: Any) -> dict[str, Any]:
@@ -60,22 +49,30 @@ def ball(page: Any) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
+def enter(page: Any, field: str, value: str) -> None:
+    page.fill(field, value)
+    page.press(field, "Enter")
+
+
+def assert_same_state(page: Any, env: VectorEnv) -> None:
+    """The page and an environment have the same numbers."""
+    values = env.state().state.values.ravel().tolist()
+    assert [float(v) for v in state(page)["values"] if v != "NaN"] == [v for v in values if v == v]
+
+
 def test_a_hit_by_mouse_is_the_action_that_python_takes(page: Any) -> None:
-    page.fill("#seed", "7")
-    page.press("#seed", "Enter")
+    enter(page, "#seed", "7")
     x, y = ball(page)
     drag(page, (x, y), (x + 0.3, y))
     until(lambda: state(page)["steps"])
     page.keyboard.press(" ")
     actions = np.array(page.evaluate("window.playground.world.actions.map((one) => [...one])"), np.float32)
     assert np.abs(actions[0] - [0.5, 0.0]).max() < 0.02  # 0.6 m is as hard as can be
-    env = VectorEnv(segar.family("objectsx3-hard").sample(LEVELS, seed=1), 1, seed=7)
+    env = VectorEnv(LEVELS, 1, seed=7)
     env.reset(options={"levels": np.array([0])})
     for action in actions:
         env.step(action[None])
-    assert [float(v) for v in state(page)["values"] if v != "NaN"] == [
-        v for v in env.state().state.values.ravel().tolist() if v == v
-    ]
+    assert_same_state(page, env)
 
 
 def test_keys_hit_pause_step_and_go_on(page: Any) -> None:
@@ -93,7 +90,7 @@ def test_keys_hit_pause_step_and_go_on(page: Any) -> None:
     assert state(page)["level"] == 1
     page.click("#before")
     page.click("#before")
-    assert state(page)["level"] == LEVELS - 1
+    assert state(page)["level"] == len(LEVELS) - 1
 
 
 def test_a_replay_ends_where_the_episode_ended(page: Any) -> None:
@@ -116,20 +113,14 @@ def open_changes(page: Any) -> None:
 def test_sliders_and_numbers_change_the_level_and_undo_brings_it_back(page: Any) -> None:
     open_changes(page)
     was = state(page)["values"]
-    page.fill("#factor-Mass", "2.5")
-    page.press("#factor-Mass", "Enter")
-    mass = page.evaluate("window.playground.levels.factor(0, 0, 'Mass')")
-    assert mass == [2.5]
+    enter(page, "#factor-Mass", "2.5")
+    assert page.evaluate("window.playground.levels.factor(0, 0, 'Mass')") == [2.5]
     assert state(page)["values"] != was
-    for factor, wrong in {"Mass": "1e31", "Visible": "0.5", "Charge": "", "Size": "0"}.items():
-        page.fill(f"#factor-{factor}", wrong)
-        page.press(f"#factor-{factor}", "Enter")
-        assert f"{factor} of 'golfball' must be " in page.inner_text("details[open] > p.note")
+    wrong = [("Mass", "1e31", ""), ("Visible", "0.5", ""), ("Charge", "", ""), ("Size", "0", "")]
+    for factor, value, what in (*wrong, ("Mass", "-1", "a"), ("Size", "-0.3", "a")):
+        enter(page, f"#factor-{factor}", value)
+        assert f"{factor} of 'golfball' must be {what}" in page.inner_text("details[open] > p.note")
         assert page.evaluate("window.playground.levels.factor(0, 0, 'Mass')") == [2.5]
-    for factor, wrong in {"Mass": "-1", "Size": "-0.3"}.items():
-        page.fill(f"#factor-{factor}", wrong)
-        page.press(f"#factor-{factor}", "Enter")
-        assert f"{factor} of 'golfball' must be a" in page.inner_text("details[open] > p.note")
     assert float(page.get_attribute("input[aria-label^='Size']", "min")) > 0
     page.click("text=Undo")
     assert state(page)["values"] == was
@@ -137,11 +128,9 @@ def test_sliders_and_numbers_change_the_level_and_undo_brings_it_back(page: Any)
 
 @pytest.mark.parametrize("wrong", ["-1", "2.5", "1e30", str(2**64), ""])
 def test_a_seed_is_a_whole_number_that_python_takes(page: Any, wrong: str) -> None:
-    page.fill("#seed", str(2**64 - 1))
-    page.press("#seed", "Enter")
+    enter(page, "#seed", str(2**64 - 1))
     assert page.is_hidden("#trouble")
-    page.fill("#seed", wrong)
-    page.press("#seed", "Enter")
+    enter(page, "#seed", wrong)
     assert "A seed is a whole number from 0 to 2^64 - 1" in page.inner_text("#trouble")
     assert page.input_value("#seed") == str(2**64 - 1)
     page.click("#again")
@@ -159,15 +148,11 @@ def test_things_are_dragged_removed_and_changed_into_others(page: Any) -> None:
     page.select_option("select[aria-label='Thing']", label=next(name for name in things if name.startswith("object")))
     kinds = page.locator("select[aria-label='Kind of the thing'] option").all_inner_texts()
     assert len(kinds) > 2
+    marked = "(() => { const p = window.playground, k = p.levels.kindOf(p.level, p.marked);"
+    marked += " return k < 0 ? '(not there)' : p.levels.about.kinds[k].name })()"
     for kind in kinds:
         page.select_option("select[aria-label='Kind of the thing']", label=kind)
-        assert (
-            page.evaluate(
-                "(() => { const p = window.playground, k = p.levels.kindOf(p.level, p.marked);"
-                " return k < 0 ? '(not there)' : p.levels.about.kinds[k].name })()"
-            )
-            == kind
-        )
+        assert page.evaluate(marked) == kind
         page.click("#single")
         assert state(page)["steps"] == 1
 
@@ -187,23 +172,28 @@ def test_the_level_as_text_goes_both_ways_and_says_where_it_is_wrong(page: Any) 
     assert json.loads(page.input_value("textarea")) == data
     kept = state(page)["values"]
     wrong = {
-        "{": "no JSON",
-        json.dumps({"entities": {}}): "entities.golfball is missing",
-        json.dumps(data | {"parameters": {"Gravitas": 1}}): 'parameters: there is no "Gravitas" here, only',
-        text.replace('"Mass": 1.0', '"Mass": "heavy"', 1): "factors.Mass must be a number",
-        text.replace('"GolfBall"', '"Golfball"', 1): "entities.golfball.type",
+        "{": ("no JSON", ""),
+        json.dumps({"entities": {}}): ("entities.golfball is missing", ""),
+        json.dumps(data | {"parameters": {"Gravitas": 1}}): ('parameters: there is no "Gravitas" here, only', ""),
+        text.replace('"Mass": 1.0', '"Mass": 1.0.0', 1): ("no JSON", ".0"),
+        text.replace('"Mass": 1.0', '"Mass": "heavy"', 1): ("factors.Mass must be a number", '"Mass"'),
+        text.replace('"GolfBall"', '"Golfball"', 1): ("entities.golfball.type", '"Golfball"'),
+        text[:-3]: ("no JSON", ""),
     }
-    for said, why in wrong.items():
-        page.fill("textarea", said)
+    for edit, (why, place) in wrong.items():
+        page.fill("textarea", edit)
         page.click("text=Use this text")
-        assert why in page.inner_text("details[open] > p.note")
-        assert state(page)["values"] == kept
+        assert why in (note := page.inner_text("details[open] > p.note"))
+        assert state(page)["values"] == kept and page.input_value("textarea") == edit
+        start = page.evaluate("document.querySelector('textarea').selectionStart")
+        assert edit[start:].startswith(place), edit[start : start + 20]
+        line = edit[:start].count("\n") + 1
+        assert f"line {line}, column" in note
 
 
 def test_a_changed_level_plays_as_python_plays_it(page: Any, tmp_path: Path) -> None:
     open_changes(page)
-    page.fill("#factor-Charge", "0.75")
-    page.press("#factor-Charge", "Enter")
+    enter(page, "#factor-Charge", "0.75")
     page.click("summary:has-text('The level as text')")
     with page.expect_download() as waiting:
         page.click("details[open] details[open] >> text=Save as file")
@@ -215,9 +205,7 @@ def test_a_changed_level_plays_as_python_plays_it(page: Any, tmp_path: Path) -> 
     env.reset()
     for _ in range(30):
         env.step(np.zeros((1, 2), np.float32))
-    assert [float(v) for v in state(page)["values"] if v != "NaN"] == [
-        v for v in env.state().state.values.ravel().tolist() if v == v
-    ]
+    assert_same_state(page, env)
 
 
 def address(page: Any) -> str:
@@ -229,8 +217,7 @@ def address(page: Any) -> str:
 
 @pytest.mark.parametrize("changes", [{}, {"Charge": 0.3}, {"Mass": 1 / 3, "Charge": -0.0}])
 def test_an_address_opens_a_page_at_the_level_that_was_shown(chromium: Chromium, page: Any, changes: dict) -> None:
-    page.fill("#seed", str(2**64 - 1))
-    page.press("#seed", "Enter")
+    enter(page, "#seed", str(2**64 - 1))
     page.click("#next")
     if changes:
         page.evaluate(
@@ -276,15 +263,6 @@ def test_an_address_that_says_nonsense_is_told_and_the_page_goes_on(page: Any) -
     until(lambda: (state(page)["level"], page.is_visible("#trouble")) == (3, False))
 
 
-def test_all_levels_leave_as_text_bit_for_bit(page: Any, tmp_path: Path) -> None:
-    text = page.evaluate(
-        """async () => { const { fileText } = await import("segar/level_text.js"); const { levels } = window.playground;
-        return fileText(levels, Array.from({ length: levels.count }, (_, k) => k)) }"""
-    )
-    (tmp_path / "levels.json").write_text(text)
-    assert segar.Levels.load(tmp_path / "levels.json") == segar.family("objectsx3-hard").sample(LEVELS, seed=1)
-
-
 def test_what_a_person_played_is_played_again_by_python(page: Any, tmp_path: Path) -> None:
     page.select_option("#speed", "4")
     for level, key in enumerate(["ArrowLeft", "ArrowUp"]):
@@ -306,7 +284,7 @@ def test_what_a_person_played_is_played_again_by_python(page: Any, tmp_path: Pat
         page.click("details[open] >> text=Save as file")
     waiting.value.save_as(tmp_path / "episodes.json")
     levels, episodes = read_play(tmp_path / "episodes.json")
-    assert levels == segar.family("objectsx3-hard").sample(LEVELS, seed=1)
+    assert levels == LEVELS
     assert [one.options["level"] for one in episodes] == [0, 1, 2]
     assert episodes[1].rewards.sum() == pytest.approx(last)
     assert (len(episodes[2].rewards), episodes[2].terminations[-1], episodes[2].truncations[-1]) == (1, False, False)
@@ -339,11 +317,8 @@ def test_a_page_that_may_not_run_wasm_says_so(chromium: Chromium, saved: Path, t
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing_wrong(page: Any, scheme: str) -> None:
-    from axe_playwright_python.sync_playwright import Axe
-
+def test_axe_finds_nothing_wrong(chromium: Chromium, page: Any, scheme: str) -> None:
     page.emulate_media(color_scheme=scheme)
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true })")
     page.evaluate("() => Promise.all(document.getAnimations().map((one) => one.finished))")
-    found = Axe().run(page)
-    assert found.violations_count == 0, found.generate_report()
+    chromium.assert_accessible()

@@ -10,22 +10,10 @@ import pytest
 import yaml
 
 import segar
+from segar import Ball, Count, Flag, GoalTile, GolfBall, Mass, Parameter, Position, Shape, Tile
 from segar.experiments.levels.builders import make_levels
 from segar.experiments.settings import LevelsConfig
-from segar.language import (
-    Ball,
-    ConvexHull,
-    Count,
-    Flag,
-    GoalTile,
-    GolfBall,
-    Mass,
-    Parameter,
-    Position,
-    Shape,
-    Tile,
-    Visible,
-)
+from segar.language import ConvexHull, Visible
 from segar.levels import Levels, gather
 from segar.metrics import decompose, ks, ks_by_factor, spread, unseen_differences, w2
 from segar.playground import make_playground
@@ -124,8 +112,7 @@ SLOW = {"hulls"}
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in SLOW else ()) for n in PAIRS])
 def test_w2_and_ks_with_their_parts_are_those_of_python(name: str, browser: Browser, tmp_path: Path) -> None:
     a, b = PAIRS[name]()
-    make_playground(a, b, observations=["state"]).save(tmp_path / "page.html")
-    browser.open(tmp_path / "page.html")
+    browser.show(tmp_path, make_playground(a, b, observations=["state"]))
     agree(browser.run(MEASURE), a, b, same_plan=True)
 
 
@@ -177,8 +164,7 @@ def page(chromium: Chromium, saved: Path) -> Iterator[Any]:
     chromium.open(saved)
     measured(chromium)
     yield chromium.page
-    assert chromium.messages == []
-    assert [one for one in chromium.requests if not one.startswith(("file:", "blob:", "data:"))] == []
+    chromium.assert_quiet()
 
 
 def measured(chromium: Chromium, unlike: str = "") -> str:
@@ -227,8 +213,7 @@ def test_a_level_that_is_changed_counts_at_once_and_undo_brings_the_distance_bac
 
 def test_things_that_are_taken_away_and_other_worlds_count(chromium: Chromium, tmp_path: Path) -> None:
     a, b = PAIRS["other layouts, periods and own parameters"]()
-    make_playground(a, b, observations=["state"]).save(tmp_path / "page.html")
-    chromium.open(tmp_path / "page.html")
+    chromium.show(tmp_path, make_playground(a, b, observations=["state"]))
     first = measured(chromium)
     level, slot = next((k, e) for k, e in np.argwhere(a.types >= 0).tolist() if a.layout.slots[e].optional)
     chromium.run(
@@ -312,29 +297,26 @@ def test_changed_levels_are_stated_by_files(
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing_wrong_and_a_phone_needs_no_sideways_scrolling(page: Any, scheme: str) -> None:
-    from axe_playwright_python.sync_playwright import Axe
-
+def test_axe_finds_nothing_wrong_and_a_phone_needs_no_sideways_scrolling(
+    chromium: Chromium, page: Any, scheme: str
+) -> None:
     size = page.viewport_size
     page.emulate_media(color_scheme=scheme)
-    found = Axe().run(page)
-    assert found.violations_count == 0, found.generate_report()
+    chromium.assert_accessible()
     page.set_viewport_size({"width": 360, "height": 740})
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     page.set_viewport_size(size)
 
 
 def test_differences_that_no_distance_sees_are_told(chromium: Chromium, tmp_path: Path) -> None:
-    a, b = (
-        Levels.from_entities(
-            [[GoalTile(), GolfBall({Position: [x, 0.2], Visible: seen})] for x in (0.1, 0.2, 0.4)] * 5, world=STILL
-        )
-        for seen in (True, False)
-    )
+    def seen(visible: bool) -> Levels:
+        ball = [{Position: [x, 0.2], Visible: visible} for x in (0.1, 0.2, 0.4)]
+        return Levels.from_entities([[GoalTile(), GolfBall(one)] for one in ball] * 5, world=STILL)
+
+    a, b = seen(True), seen(False)
     told = unseen_differences(a, b)
     assert told
-    make_playground(a, b, observations=["state"]).save(tmp_path / "page.html")
-    chromium.open(tmp_path / "page.html")
+    chromium.show(tmp_path, make_playground(a, b, observations=["state"]))
     assert measured(chromium) == "W2 0, KS 0"
     for text in told:
         assert text in chromium.page.inner_text(".wide")
@@ -343,8 +325,7 @@ def test_differences_that_no_distance_sees_are_told(chromium: Chromium, tmp_path
 
 def test_of_many_levels_the_first_ones_count(chromium: Chromium, tmp_path: Path) -> None:
     a, b = still("empty-hard", 310), still("empty-hard", 5, "test")
-    make_playground(a, b, observations=["state"]).save(tmp_path / "page.html")
-    chromium.open(tmp_path / "page.html")
+    chromium.show(tmp_path, make_playground(a, b, observations=["state"]))
     assert measured(chromium) == words(a[:300], b)
     assert "The first 300 levels of each set count." in chromium.page.inner_text(".wide")
     chromium.page.click("text=More levels >> visible=true")
@@ -352,7 +333,6 @@ def test_of_many_levels_the_first_ones_count(chromium: Chromium, tmp_path: Path)
 
 
 def test_a_page_of_one_set_has_none_of_this(chromium: Chromium, tmp_path: Path) -> None:
-    make_playground(still("empty-hard", 3), observations=["state"]).save(tmp_path / "page.html")
-    chromium.open(tmp_path / "page.html")
+    chromium.show(tmp_path, make_playground(still("empty-hard", 3), observations=["state"]))
     assert "panel_design.js" not in chromium.run("return Object.keys(window.playground.about.scripts)")
     assert chromium.page.locator(".wide").count() == 0

@@ -12,20 +12,20 @@ from segar.observations import PreviousActions, Stack
 from segar.playground import make_playground
 from segar.policies import Network, NetworkPolicy
 from tests.segar.playground.browsers import Browser
-from tests.segar.playground.twin_page import episodes_of, play_in, play_natively
+from tests.segar.playground.twin_page import assert_played_alike, episodes_of, play_in, play_natively
 from tests.segar.policies.networks import Builder
 
 LEVELS = segar.family("objectsx1-hard").sample(8, seed=3)
 
 
-def shape_of(observation: object) -> tuple[int, ...]:
-    shape = VectorEnv(LEVELS, 1, observation=observation, seed=0).single_observation_space.shape
+def shape_of(observation: object, levels: segar.Levels = LEVELS) -> tuple[int, ...]:
+    shape = VectorEnv(levels, 1, observation=observation, seed=0).single_observation_space.shape
     assert shape is not None
     return shape
 
 
-def perceptron(observation: object) -> Network:
-    one, (inputs,) = Builder(), shape_of(observation)
+def perceptron(observation: object, levels: segar.Levels = LEVELS) -> Network:
+    one, (inputs,) = Builder(), shape_of(observation, levels)
     one.dense(inputs, 24)
     one.add("tanh")
     return one.network((inputs,), 24, **ends())
@@ -69,14 +69,8 @@ PLAYERS: dict[str, tuple[Callable[[], Network], object, bool]] = {
 def test_a_policy_plays_whole_episodes_to_the_bit(name: str, browser: Browser, tmp_path: Path) -> None:
     make, observation, sampled = PLAYERS[name]
     policy = NetworkPolicy(make(), sampled=sampled)
-    make_playground(LEVELS, observations=[observation], policy=policy).save(tmp_path / "page.html")
-    browser.open(tmp_path / "page.html")
-    episodes = episodes_of(LEVELS, 4, None, np.random.default_rng(5))
-    expected = play_natively(LEVELS, [observation], episodes, policy)
-    found = play_in(browser, episodes)
-    assert sum(len(one["told"]) for one in expected) > 100
-    for k, (mine, theirs) in enumerate(zip(expected, found, strict=True)):
-        assert (k, mine) == (k, theirs)
+    browser.show(tmp_path, make_playground(LEVELS, observations=[observation], policy=policy))
+    assert_played_alike(LEVELS, [observation], browser, episodes_of(LEVELS, 4, None, np.random.default_rng(5)), policy)
 
 
 def test_weights_of_16_bits_play_the_rounded_network_to_the_bit(browser: Browser, tmp_path: Path) -> None:
@@ -84,8 +78,7 @@ def test_weights_of_16_bits_play_the_rounded_network_to_the_bit(browser: Browser
     whole = make_playground(LEVELS, policy=network)
     made = make_playground(LEVELS, policy=network, weights="float16")
     assert len(made.html) < len(whole.html)
-    made.save(tmp_path / "page.html")
-    browser.open(tmp_path / "page.html")
+    browser.show(tmp_path, made)
     episodes = episodes_of(LEVELS, 2, None, np.random.default_rng(5))
     found = play_in(browser, episodes)
     assert found == play_natively(LEVELS, ["rgb"], episodes, NetworkPolicy(network.in_float16()))
@@ -95,7 +88,5 @@ def test_weights_of_16_bits_play_the_rounded_network_to_the_bit(browser: Browser
 
 def test_observations_of_the_past_agree(browser: Browser, tmp_path: Path) -> None:
     observations = ("rgb_stack2", PreviousActions(3), Stack("state", 2), Stack(PreviousActions(), 2))
-    make_playground(LEVELS, observations=observations).save(tmp_path / "page.html")
-    browser.open(tmp_path / "page.html")
-    episodes = episodes_of(LEVELS, 4, 40, np.random.default_rng(7))
-    assert play_in(browser, episodes) == play_natively(LEVELS, observations, episodes)
+    browser.show(tmp_path, make_playground(LEVELS, observations=observations))
+    assert_played_alike(LEVELS, observations, browser, episodes_of(LEVELS, 4, 40, np.random.default_rng(7)))

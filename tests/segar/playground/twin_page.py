@@ -71,6 +71,20 @@ def episodes_of(levels: Levels, number: int, steps: int | None, rng: np.random.G
     ]
 
 
+def assert_played_alike(
+    levels: Levels,
+    observations: Sequence[Any],
+    browser: Browser,
+    episodes: list[Any],
+    policy: NetworkPolicy | None = None,
+) -> None:
+    """The page that is open says of the episodes, which are many steps, what the processor's own environments say."""
+    found, expected = play_in(browser, episodes), play_natively(levels, observations, episodes, policy)
+    assert sum(len(one["told"]) for one in expected) > 100
+    for k, (mine, theirs) in enumerate(zip(expected, found, strict=True)):
+        assert (k, mine) == (k, theirs)
+
+
 def play_natively(
     levels: Levels, observations: Sequence[Any], episodes: Sequence[dict[str, Any]], policy: NetworkPolicy | None = None
 ) -> list[dict[str, Any]]:
