@@ -52,14 +52,8 @@ def test_the_entries_say_what_the_citation_file_says():
 
 def test_of_a_run_it_states_versions_hashes_seeds_and_settings(capsys, run):
     text = shown(capsys, run)
-    for line in (
-        "torch +2.13.0",
-        "commit +(89abcdef){5}",
-        "kernel +a{16}",
-        "learner +b{16}",
-        "seed +7",
-        "levels.train ",
-    ):
+    lines = ("torch +2.13.0", "commit +(89abcdef){5}", "kernel +a{16}", "learner +b{16}", "seed +7", "levels.train ")
+    for line in lines:
         assert re.search(rf"^  {line}", text, re.M), line
 
 
@@ -68,6 +62,8 @@ def test_the_settings_are_those_that_decide_the_results(capsys, run):
     assert {name.partition(".")[0] for name in answer["settings"]} == {*RunConfig().identity()}
     assert answer["seeds"] == {"seed": 7, "levels.seed": 0, "levels.test_seed": 0, "evaluation.seed": 0}
     assert answer["run"] == {"name": run.name, "finished": True}
+    (run / "summary.json").unlink()
+    assert json.loads(shown(capsys, run, "--json"))["run"]["finished"] is False
 
 
 def test_the_entry_of_a_run_has_its_version_and_not_the_one_installed(capsys, run):
@@ -78,27 +74,17 @@ def test_the_entry_of_a_run_has_its_version_and_not_the_one_installed(capsys, ru
         assert re.findall(r"^  version = \{(.*)\},$", shown(capsys, run), re.M) == ([release] if release else [])
 
 
-def test_a_run_that_is_not_finished_is_called_so(capsys, run):
-    (run / "summary.json").unlink()
-    assert json.loads(shown(capsys, run, "--json"))["run"]["finished"] is False
-
-
-def test_settings_name_no_address_and_no_folder(capsys, tmp_path):
-    folder = write_run(settings(tmp_path))
-    data = yaml.safe_load((folder / "config.yaml").read_text())
-    data["tracking"]["uri"] = "postgresql://me:secret@server/db"
-    (folder / "config.yaml").write_text(yaml.safe_dump(data))
-    text = shown(capsys, folder)
-    assert "secret" not in text and str(tmp_path) not in text
-
-
-def test_code_that_settings_name_is_not_imported(capsys, run, tmp_path, monkeypatch):
+def test_settings_name_no_address_and_no_folder_and_the_code_that_they_name_is_not_imported(
+    capsys, run, tmp_path, monkeypatch
+):
     (tmp_path / "trap.py").write_text("raise SystemExit('imported')")
     monkeypatch.syspath_prepend(tmp_path)
     data = yaml.safe_load((run / "config.yaml").read_text())
     data["task"]["name"] = "trap:make"
+    data["tracking"]["uri"] = "postgresql://me:secret@server/db"
     (run / "config.yaml").write_text(yaml.safe_dump(data))
-    assert "trap:make" in shown(capsys, run)
+    text = shown(capsys, run)
+    assert "trap:make" in text and "secret" not in text and str(tmp_path) not in text
 
 
 @pytest.mark.parametrize(
@@ -124,7 +110,3 @@ def test_what_is_no_run_is_refused_with_the_file_that_says_so(capsys, run, file,
     if content is not None:
         (run / file).write_bytes(content if isinstance(content, bytes) else content.encode())
     assert message in refusal(capsys, run)
-
-
-def test_a_folder_that_is_not_there_is_refused(capsys, tmp_path):
-    assert "is no run folder" in refusal(capsys, tmp_path / "nowhere")

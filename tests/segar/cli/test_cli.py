@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -95,9 +94,3 @@ def test_a_task_without_a_scripted_player_says_how_to_give_it_one(capsys, tmp_pa
     said = capsys.readouterr().err
     assert "has no scripted player. Give the task demo_actions=, a function of factors" in said
     assert not list((tmp_path / "minari").rglob("*.hdf5"))
-
-
-def test_the_console_script_names_main():
-    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
-    assert scripts == {"segar": "segar.cli:main"}
-    assert callable(cli.main)

@@ -24,28 +24,23 @@ def shown(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
 
 @pytest.fixture
 def level_files(tmp_path: Path) -> tuple[Path, Path]:
-    """Files of 12 levels each, of two families of one layout."""
-    for name in ("empty-easy", "empty-hard"):
-        segar.family(name).sample(12, seed=1).save(tmp_path / f"{name}.npz")
-    return tmp_path / "empty-easy.npz", tmp_path / "empty-hard.npz"
+    """Files of 12 levels each, of two families of one layout, in both formats."""
+    paths = tmp_path / "empty-easy.json", tmp_path / "empty-hard.npz"
+    for path in paths:
+        segar.family(path.stem).sample(12, seed=1).save(path)
+    return paths
 
 
-def test_sample_writes_the_levels_that_the_library_samples(capsys, tmp_path):
-    path = tmp_path / "levels.npz"
+@pytest.mark.parametrize("suffix", ["npz", "json"])
+def test_sample_writes_the_levels_that_the_library_samples(capsys, tmp_path, suffix):
+    path = tmp_path / f"levels.{suffix}"
     said = shown(capsys, "sample", "objectsx3-hard", "-n", 7, "--seed", 3, "--split", "test", "-o", path)
     assert said == f"{path}: 7 levels of 'objectsx3-hard', seed 3, split 'test'\n"
+    assert path.read_bytes().startswith(b"{") == (suffix == "json")
     assert segar.Levels.load(path) == segar.family("objectsx3-hard").sample(7, seed=3, split="test")
     said = json.loads(shown(capsys, "sample", "objectsx3-hard", "-n", 2, "-o", path, "--json"))
     assert said["levels"] == len(segar.Levels.load(path)) == 2
     assert said["distribution"] == segar.family("objectsx3-hard").hash
-
-
-def test_a_level_file_in_json_is_sampled_and_measured_as_one_in_npz(capsys, tmp_path, level_files):
-    path = tmp_path / "empty-easy.json"
-    shown(capsys, "sample", "empty-easy", "-n", 12, "--seed", 1, "-o", path)
-    assert path.read_text().startswith("{") and segar.Levels.load(path) == segar.Levels.load(level_files[0])
-    mixed, npz = (json.loads(shown(capsys, "distance", a, level_files[1], "--json")) for a in (path, level_files[0]))
-    assert mixed["w2"] == npz["w2"] > 0 and mixed["ks_by_factor"] == npz["ks_by_factor"]
 
 
 def test_distance_says_what_the_library_measures(capsys, level_files):
@@ -111,6 +106,9 @@ def test_describe_shows_numbers_types_shapes_and_what_depends_on_something_else(
         "heavy = segar.levels.Dependent(segar.UniformNoise(0.9, 1.1), scale=weight)\n"
         "priors += [segar.Prior(segar.Mass, heavy, entity_type=segar.Ball)]\n"
         "priors += [segar.Prior(segar.Shape, segar.noise.Choice([segar.Circle(0.2), segar.language.Square(0.2)]), entity_type=segar.Magnet)]\n"  # noqa: E501
+        "class Twice(segar.noise.Noise):\n"  # which says nothing but its draws
+        "    def sample(self, rng, size=None): return 2 * rng.uniform(0.5, 1.0, size)\n"
+        "priors += [segar.Prior(segar.Charge, Twice(), entity_type=segar.Ball)]\n"
         "dist = segar.LevelDistribution(numbers, priors)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
@@ -122,28 +120,13 @@ def test_describe_shows_numbers_types_shapes_and_what_depends_on_something_else(
     assert mass["law"].startswith("depends on Size; drawn: Empirical(<")
     assert mass["mean"] == pytest.approx(25 * (0.15**2 + 0.1**2 / 12), rel=0.02) and mass["low"] >= 0.9 * 25 * 0.1**2
     assert rows["object1", "Shape"]["law"] == "Choice((Circle(0.2), Square(0.2)), (0.5, 0.5))"
+    assert (rows["ball1", "Charge"]["law"], rows["ball1", "Charge"]["mean"]) == ("Twice()", None)
     assert "svg" in (tmp_path / "figure.svg").read_text()
 
 
 def test_names_in_a_row_that_count_on_are_said_by_their_ends():
     assert figures.together(["cueball", *(f"ball{k}" for k in range(1, 11))]) == "cueball, ball1 to ball10"
     assert figures.together(["ball1", "ball2", "ball4", "x9", "x10", "x11"]) == "ball1, ball2, ball4, x9 to x11"
-
-
-def test_a_law_that_says_nothing_but_its_draws_is_described_all_the_same(capsys, tmp_path, monkeypatch):
-    (tmp_path / "my_law.py").write_text(
-        "import segar\n"
-        "class Twice(segar.noise.Noise):\n"
-        "    def sample(self, rng, size=None): return 2 * rng.uniform(0.5, 1.0, size)\n"
-        "where = [segar.Prior(segar.Position, segar.RandomUniformLocation()), segar.Prior(segar.Mass, Twice())]\n"
-        "dist = segar.LevelDistribution([(segar.GolfBall, 1), (segar.GoalTile, 1)], where)\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    said = json.loads(shown(capsys, "describe", "my_law:dist", "--json"))
-    (mass,) = (row for row in said["marginals"] if row["factor"] == "Mass")
-    assert mass["law"] == "Twice()" and mass["mean"] is None
-    shown(capsys, "describe", "my_law:dist", "-o", tmp_path / "figure.svg")
-    assert "svg" in (tmp_path / "figure.svg").read_text()
 
 
 @pytest.mark.parametrize("name", ["tilesx1-medium", "billiards"])
@@ -181,9 +164,8 @@ def test_rules_that_a_level_file_only_names_are_asked_for(capsys, tmp_path):
     free = segar.family("empty-hard").with_rules([segar.move])
     free.sample(2).save(tmp_path / "free.npz")
     assert cli.main(["hardness", str(tmp_path / "free.npz")]) == 2
-    assert (
-        "these levels have rules of their own" in (said := capsys.readouterr().err) and "give them by --world" in said
-    )
+    said = capsys.readouterr().err
+    assert "these levels have rules of their own" in said and "give them by --world" in said
     assert cli.main(["hardness", str(tmp_path / "free.npz"), "--world", "segar:GolfBall"]) == 2
     assert "'segar:GolfBall' is no World, LevelDistribution, RuleSpace or list of rules" in capsys.readouterr().err
 

@@ -11,11 +11,10 @@ import pytest
 
 import segar
 from segar import cli
-from segar.envs import VectorEnv
 from segar.observations import StateVector
 from segar.playground import make_playground, read_policy, read_row_policy
 from segar.policies import Network
-from tests.segar.policies.networks import Builder
+from tests.segar.playground.test_policies import perceptron
 
 CONFIG = "observation:\n  name: state\n  options:\n    normalise: true\n"
 FIELD = """
@@ -55,14 +54,12 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return error
 
 
-def network(levels: segar.Levels) -> Network:
-    """A network that reads the normalised state."""
-    (inputs,) = (
-        VectorEnv(levels, 1, observation=StateVector(normalise=True), seed=0).single_observation_space.shape or ()
-    )
-    one, task = Builder(), segar.puttputt()
-    one.dense(inputs, 4)
-    return one.network((inputs,), 4, action_low=tuple(task.action_low), action_high=tuple(task.action_high))
+def page(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """The page that the command writes; it is taken away, so that a refusal is seen to write none."""
+    shown(capsys, *arguments, "-o", "page.html")
+    text = Path("page.html").read_text()
+    Path("page.html").unlink()
+    return text
 
 
 @pytest.fixture
@@ -71,11 +68,11 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     levels = segar.family("empty-hard").sample(5, seed=1)
     folder = tmp_path / "run"
+    network = perceptron(StateVector(normalise=True), levels)
     for age, name in enumerate(("test-n5-portable", "train-n5-portable")):
         (folder / "evaluations" / name).mkdir(parents=True)
         place = folder / "evaluations" / name / "network.npz"
-        made = network(levels)
-        replace(made, log_std_range=(-3.0, float(age))).save(place)
+        replace(network, log_std_range=(-3.0, float(age))).save(place)
         os.utime(place, (age, age))
     (folder / "config.yaml").write_text(CONFIG)
     levels.save(folder / "levels_train.npz")
@@ -100,25 +97,16 @@ def test_the_page_is_that_of_the_library(capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_notebook_shows_a_page_in_a_frame():
-    assert make_playground(segar.family("empty-easy").sample(2))._repr_html_().startswith("<iframe title=")
-
-
-@pytest.mark.slow
 def test_a_run_folder_gives_its_newest_network_and_what_it_observes(capsys, run):
     said = shown(capsys, "empty-easy", "-n", 3, "--policy", run, "-o", "page.html")
     newest = run / "evaluations" / "train-n5-portable" / "network.npz"
     assert f"the policy in {newest} (float32)" in said
     seen = StateVector(normalise=True).trained_on(segar.Levels.load(run / "levels_train.npz"))
-    levels = segar.family("empty-easy").sample(3)
-
-    def page(**options):
-        return make_playground(levels, policy=Network.load(newest), **options).html
-
-    assert Path("page.html").read_text() == page(observations={"state": seen})
-    evaluation = newest.parent
-    shown(capsys, "empty-easy", "-n", 3, "--policy", evaluation, "--weights", "float16", "-o", "page.html")
-    assert Path("page.html").read_text() == page(observations={"state": seen}, weights="float16")
+    levels, options = segar.family("empty-easy").sample(3), {"observations": {"state": seen}}
+    options["policy"] = Network.load(newest)
+    assert Path("page.html").read_text() == make_playground(levels, **options).html
+    found = page(capsys, "empty-easy", "-n", 3, "--policy", newest.parent, "--weights", "float16")
+    assert found == make_playground(levels, **options, weights="float16").html
 
 
 def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, monkeypatch):
@@ -130,46 +118,30 @@ def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, monkeypatch)
 
     train = my_field.field.sample(5, seed=1)
     train.save(run / "levels_train.npz")
-    seen = my_field.seeing.trained_on(train)
-    (inputs,) = VectorEnv(train, 1, observation=seen, seed=0).single_observation_space.shape or ()
-    one, task = Builder(), my_field.landing(max_steps=9)
-    one.dense(inputs, 4)
-    range_ = {"action_low": tuple(task.action_low), "action_high": tuple(task.action_high)}
-    player = one.network((inputs,), 4, **range_)
+    seen, task = my_field.seeing.trained_on(train), my_field.landing(max_steps=9)
+    player = perceptron(seen, train)
     for place in run.glob("evaluations/*/network.npz"):
         player.save(place)
     (run / "config.yaml").write_text(
         "observation: {name: state, options: {parameters: [Uplift], normalise: true}}\n"
         "task: {name: levels, options: {max_steps: 9}}\n"
     )
-    levels = my_field.field.sample(3)
-    expected = make_playground(levels, policy=player, observations={"state": seen}, task=task).html
-    shown(capsys, "my_field:field", "-n", 3, "--policy", run, "-o", "page.html")
-    assert (
-        Path("page.html").read_text()
-        == expected
-        != make_playground(levels, policy=player, observations={"state": seen}).html
-    )
+    levels, base = my_field.field.sample(3), ("my_field:field", "-n", 3, "--policy", run)
+    found = page(capsys, *base)
+    assert found == make_playground(levels, policy=player, observations={"state": seen}, task=task).html
+    assert found != make_playground(levels, policy=player, observations={"state": seen}).html
     (run / "config.yaml").write_text(
         "observation: {name: my_lab.seeing:look}\ntask: {name: 'my_field:landing', options: {max_steps: 9}}\n"
     )
-    base = ("my_field:field", "-n", 3, "--policy", run, "-o", "page.html")
-    shown(capsys, *base, "--observation", "my_field:seeing")
-    page = make_playground(levels, policy=player, observations={"my_field:seeing": seen}, task=task)
-    assert Path("page.html").read_text() == page.html
-    Path("page.html").unlink()
-    shown(capsys, "my_field.py:field", "-n", 3, "--policy", run, "--observation", "my_field:seeing", "-o", "page.html")
-    assert Path("page.html").read_text() == page.html, "a file and a module may name the same thing"
-    Path("page.html").unlink()
+    expected = make_playground(levels, policy=player, observations={"my_field:seeing": seen}, task=task).html
+    for field in ("my_field:field", "my_field.py:field"):  # a file and a module may name the same thing
+        assert page(capsys, field, *base[1:], "--observation", "my_field:seeing") == expected
     (run / "config.yaml").write_text("observation: {name: state}\ntask: {name: 'my_field:other'}\n")
-    assert (
-        "the task 'my_field:other' is not built in, and a file imports no code; give it by task= or --task"
-        in refused(capsys, *base)
-    )
+    why = "the task 'my_field:other' is not built in, and a file imports no code; give it by task= or --task"
+    assert why in refused(capsys, *base, "-o", "page.html")
     (run / "config.yaml").write_text("observation: {name: state}\ntask: {name: levels, options: {near: 3}}\n")
-    assert "'my_field:landing' is called with near, and got an unexpected keyword argument 'near'" in refused(
-        capsys, *base
-    )
+    why = "'my_field:landing' is called with near, and got an unexpected keyword argument 'near'"
+    assert why in refused(capsys, *base, "-o", "page.html")
 
 
 def test_probes_of_a_run_are_in_its_page(capsys, run):
@@ -187,11 +159,10 @@ def test_probes_of_a_run_are_in_its_page(capsys, run):
     levels = segar.family("empty-easy").sample(3)
     found = read_policy(run, levels)
     assert found.probes == {"goal.Position.x": (0.9, 0.8, 0.95)}
-    shown(capsys, "empty-easy", "-n", 3, "--policy", run, "-o", "page.html")
     options = {"policy": found.network, "observations": found.observations}
-    assert Path("page.html").read_text() == make_playground(levels, probes=found.probes, **options).html
-    assert Path("page.html").read_text() != make_playground(levels, **options).html
-    Path("page.html").unlink()
+    made = page(capsys, "empty-easy", "-n", 3, "--policy", run)
+    assert made == make_playground(levels, probes=found.probes, **options).html
+    assert made != make_playground(levels, **options).html
     base = ("empty-easy", "-n", 3, "--policy", run, "-o", "page.html")
     pd.DataFrame(rows, columns=columns).drop(columns="low").to_parquet(run / "probes.parquet")
     assert "probes.parquet holds no probes of a run: " in refused(capsys, *base)
@@ -215,17 +186,13 @@ def row_of(suite: segar.suites.Suite, folder: Path, player: Network, seed: int =
 @pytest.mark.slow
 def test_a_row_on_its_suite_is_a_match_in_the_units_and_with_the_levels_of_its_training(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    of, one, task = segar.suites.suite("place-few-v1"), Builder(), segar.puttputt()
+    of = segar.suites.suite("place-few-v1")
     train, seen = of.sample(3), StateVector()
-    (inputs,) = VectorEnv(train, 1, observation=seen, seed=0).single_observation_space.shape or ()
-    one.dense(inputs, 4)
-    player = one.network((inputs,), 4, action_low=tuple(task.action_low), action_high=tuple(task.action_high))
+    player = perceptron(seen, train)
     row = row_of(of, tmp_path / "row", player)
-    shown(capsys, of.name, "--policy", row, "-n", 2, "-o", "page.html")
     options = {"task": of.task, "policy": player, "plans": True, "match": of.says}
     expected = make_playground(train[:2], of.test_levels[:2], observations={"state": seen.trained_on(train)}, **options)
-    assert Path("page.html").read_text() == expected.html
-    Path("page.html").unlink()
+    assert page(capsys, of.name, "--policy", row, "-n", 2) == expected.html
     far = segar.suites.suite("look-far-v1")
     found = read_row_policy(row_of(far, tmp_path / "far", player), far)
     sides = (found.observations, found.test_observations)
@@ -247,7 +214,7 @@ def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
     network_file.write_bytes(network_file.read_bytes()[:200])
     assert f"{network_file}" in refused(capsys, *base, "--policy", run)
     (run / "config.yaml").write_text(OWN)
-    network(segar.family("empty-hard").sample(1)).save(network_file)
+    perceptron(StateVector()).save(network_file)
     assert "'my_lab.seeing:look'" in (said := refused(capsys, *base, "--policy", run))
     assert "a file imports no code" in said and "; say what the policy reads by --observation" in said
     (run / "config.yaml").write_text("- !!python/object:os.system x\n")

@@ -61,16 +61,10 @@ hardness ok.npz --samples 1                  | '1'
 hardness ok.npz --iterations 0               | '0'
 hardness ok.npz --threads 100000000          | 100000000
 hardness ok.npz --seed 1.5                   | '1.5'
-compile empty-hrd                            | there is no level family 'empty-hrd'. Did you mean 'empty-hard'?
-compile empty-easy --task nope               | nope
-kernel show objectx3-hard                    | no level family 'objectx3-hard'. Did you mean 'objectsx3-hard'?
-kernel show empty-hard --task putput         | no task is called 'putput'. Did you mean 'puttputt'?
 kernel show segar:World                      | 'segar:World' is not a LevelDistribution but <class
-kernel show empty-hard --task billiards      | choose the task that these levels are for
 kernel hide                                  | hide
 gallery -o x.jpg                             | x.jpg
 gallery --signs -o x.PDF                     | x.PDF
-describe tilesx1-medum                       | Did you mean 'tilesx1-medium'?
 describe empty-easy -o x.pgn                 | png, pdf or svg, not 'x.pgn'. Did you mean '.png'?
 record nope -o d                             | nope
 record empty-easy -o x.mp3                   | x.mp3
