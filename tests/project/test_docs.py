@@ -14,6 +14,7 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -69,13 +70,11 @@ def programs_of(page: Path) -> list[Program]:
         if language not in ("python", "bash"):
             continue
         file = FILE.match(body)
-        assert file or language == "bash", (
-            f"{page.name}: the first line of a program must be '# my_lab/<name>.py', not {body[:60]!r}"
-        )
+        wanted = f"{page.name}: the first line of a program must be '# my_lab/<name>.py', not {body[:60]!r}"
+        assert file or language == "bash", wanted
         following = blocks[n + 1] if n + 1 < len(blocks) else ("", "")
-        slow = any(program.slow for program in found) or (
-            language == "bash" and any(command in body for command in TRAINING)
-        )
+        trains = language == "bash" and any(command in body for command in TRAINING)
+        slow = trains or any(program.slow for program in found)
         name = file[1] if file else f"{n}.sh"
         output = following[1] if following[0] == "text" else None
         found.append(Program(name_of(page), name, body, output, slow))
@@ -114,17 +113,12 @@ def printed_by(page: str, with_slow: bool) -> tuple[dict[str, str], str]:
         return (json.loads(result.read_text()) if result.exists() else {}), run.stderr
 
 
-@pytest.mark.parametrize(
-    "program",
-    [
-        pytest.param(
-            program,
-            id=f"{program.page}-{program.name}",
-            marks=[pytest.mark.xdist_group(program.page)] + [pytest.mark.slow] * program.slow,
-        )
-        for program in PROGRAMS
-    ],
-)
+def as_parameter(program: Program) -> Any:
+    marks = [pytest.mark.xdist_group(program.page)] + [pytest.mark.slow] * program.slow
+    return pytest.param(program, id=f"{program.page}-{program.name}", marks=marks)
+
+
+@pytest.mark.parametrize("program", [as_parameter(program) for program in PROGRAMS])
 def test_a_program_runs_and_prints_what_the_page_says(program):
     printed, error_output = printed_by(program.page, program.slow)
     assert program.name in printed, error_output

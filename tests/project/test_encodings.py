@@ -51,12 +51,6 @@ def test_such_a_call_is_found(text):
     assert [*unspecified(text)] == [text]
 
 
-def run(*arguments, folder):
-    return subprocess.run(
-        [sys.executable, *arguments], env=C_LOCALE, cwd=folder, capture_output=True, encoding="utf-8", check=False
-    )
-
-
 RULE = """
 import segar
 from segar.language.factors import Mass
@@ -70,12 +64,6 @@ family = segar.levels.family("empty-easy").with_rules([*segar.DEFAULT_RULES, gr�
 """
 
 
-def test_a_rule_with_an_umlaut_is_shown_in_the_locale_c(tmp_path):
-    (tmp_path / "eigene.py").write_text(RULE, encoding="utf-8")
-    shown = run("-m", "segar", "kernel", "show", "eigene:family", folder=tmp_path)
-    assert shown.returncode == 0 and "gr\\xf6\\xdfe" in shown.stdout, shown.stderr
-
-
 STUDY = """
 title: Größe
 settings: {algorithm: ppo_fast, observation: state, scale.frames: 2000}
@@ -84,14 +72,18 @@ claims: {größe: {says: "Größer ist schlechter.", test: correlation, given: [
 """
 
 
-def test_kernels_captions_and_studies_are_written_and_read_in_the_locale_c(tmp_path):
+def test_rules_kernels_captions_and_studies_are_shown_written_and_read_in_the_locale_c(tmp_path):
     (tmp_path / "study.yaml").write_text(STUDY, encoding="utf-8")
+    (tmp_path / "eigene.py").write_text(RULE, encoding="utf-8")
     program = (
-        "import pathlib, segar.analysis.report.captions, segar.analysis.report.claims.statements\n"
+        "import pathlib, segar.cli, segar.analysis.report.captions, segar.analysis.report.claims.statements\n"
         "from segar.experiments.reproduction.study_file import read_study\n"
         "from segar.engine.compiler.kernel_cache import load_module\n"
         "load_module('gr\\xf6\\xdfe = 1\\n')\n"
         "assert read_study(pathlib.Path('study.yaml')).experiment['title'] == 'Gr\\xf6\\xdfe'\n"
+        "assert segar.cli.main(['kernel', 'show', 'eigene:family']) == 0\n"
     )
-    done = run("-c", program, folder=tmp_path)
-    assert done.returncode == 0, done.stderr
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=C_LOCALE, cwd=tmp_path, capture_output=True, encoding="utf-8", check=False
+    )
+    assert done.returncode == 0 and "gr\\xf6\\xdfe" in done.stdout, done.stderr

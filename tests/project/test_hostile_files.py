@@ -67,11 +67,12 @@ def secret(monkeypatch, tmp_path):
     monkeypatch.setenv("SEGAR_FILE_LIMIT", "64")
 
 
-def json_at(path):
-    """A function that writes data as JSON."""
+def text_at(path):
+    """A function that writes data as JSON, or as YAML where the name of the file says so."""
 
     def write(data):
-        path.write_text(json.dumps(data))
+        is_yaml = path.suffix == ".yaml"
+        path.write_text(yaml.dump(data, Dumper=yaml.CSafeDumper) if is_yaml else json.dumps(data))
         return path
 
     return write
@@ -118,12 +119,8 @@ def config_data(folder):
 
 
 def test_settings_of_a_run_run_nothing(tmp_path):
-    write_run(settings(tmp_path))
-    (folder,) = (path.parent for path in tmp_path.glob(f"*/{CONFIG}"))
-
-    def write(data):
-        (folder / CONFIG).write_text(yaml.safe_dump(data))
-        return folder / CONFIG
+    folder = write_run(settings(tmp_path))
+    write = text_at(folder / CONFIG)
 
     def read():
         named(CONFIG, Prepared(read_config(folder)).check_names)
@@ -134,8 +131,7 @@ def test_settings_of_a_run_run_nothing(tmp_path):
 
 
 def test_yaml_tags_and_interpolations_are_no_names(tmp_path):
-    write_run(settings(tmp_path))
-    (path,) = tmp_path.glob(f"*/{CONFIG}")
+    path = write_run(settings(tmp_path)) / CONFIG
     for value in (
         "!!python/object/apply:os.system ['touch mark']", "!!python/name:os.system", "!!python/module:os",
         "!!python/object/new:os.system ['touch mark']", "&a [*a]", "[" * 5000 + "]" * 5000,
@@ -165,7 +161,7 @@ def test_what_a_run_left_runs_nothing(tmp_path, name):
         if row.state == UNREADABLE:
             raise SegarError(row.problem)
 
-    check(tmp_path, data, json_at(path), read)
+    check(tmp_path, data, text_at(path), read)
 
 
 def test_a_transfer_runs_nothing(tmp_path):
@@ -173,18 +169,15 @@ def test_a_transfer_runs_nothing(tmp_path):
     stated = as_data(Transfer("far", "empty-hard", "gravity_40", ObservationConfig()))
     path = folder / EVALUATIONS / "transfer-far" / SUMMARY
     path.parent.mkdir(parents=True)
-    check(tmp_path, {"transfer": stated}, json_at(path), lambda: transfer_levels(folder, "transfer-far"))
+    check(tmp_path, {"transfer": stated}, text_at(path), lambda: transfer_levels(folder, "transfer-far"))
 
 
 def test_a_row_of_the_benchmark_runs_nothing(tmp_path, monkeypatch):
     (tmp_path / "row").mkdir()
     path = tmp_path / "row" / ROW
     data = json.loads((SHIPPED / "ppo_fast-state-laptop" / ROW).read_text())
-    data |= {
-        "pieces": data["pieces"][:1],
-        "files": {"episodes.parquet": "0"},
-        "drawn": [data["drawn"][0] | {"file": ""}],
-    }
+    data["pieces"], data["files"] = data["pieces"][:1], {"episodes.parquet": "0"}
+    data["drawn"] = [data["drawn"][0] | {"file": ""}]
     data["pieces"][0]["levels"] = {side: data["pieces"][0]["levels"][side] for side in ("train", "test")}
     data["made_with"] = [{"python": "3", "code": {"my_lab/learner.py": "0"}}]
     data["settings"]["algorithm"] = {"kind": "ppo", "name": "ppo", "encoder": "impala"}
@@ -219,13 +212,13 @@ def test_a_row_of_the_benchmark_runs_nothing(tmp_path, monkeypatch):
 def test_levels_run_nothing(tmp_path, kind):
     path = tmp_path / f"levels.{kind}"
     dataclasses.replace(LEVELS, task="billiards").save(path)
-    data, write = (json.loads(path.read_text()), json_at(path)) if kind == "json" else archive_at(path)
+    data, write = (json.loads(path.read_text()), text_at(path)) if kind == "json" else archive_at(path)
     check(tmp_path, data, write, lambda: named(path, partial(task_of, segar.Levels.load(path))))
 
 
 def test_recordings_of_play_run_nothing(tmp_path):
     data, _ = played(tmp_path / "play.json", LEVELS[:1], [(0, 0)], task="puttputt", steps=2)
-    check(tmp_path, data, json_at(tmp_path / "play.json"), lambda: read_play(tmp_path / "play.json"))
+    check(tmp_path, data, text_at(tmp_path / "play.json"), lambda: read_play(tmp_path / "play.json"))
 
 
 def test_sessions_of_a_lab_run_nothing(tmp_path):
@@ -262,12 +255,7 @@ def test_settings_of_a_run_that_a_page_plays_run_nothing(tmp_path):
         "observation": {"name": "state", "options": {"parameters": ["Gravity"]}},
         "task": {"name": "puttputt", "options": {"reward": "squared"}},
     }
-
-    def write(data):
-        (tmp_path / CONFIG).write_text(yaml.safe_dump(data))
-        return tmp_path / CONFIG
-
-    check(tmp_path, data, write, lambda: read_policy(tmp_path, LEVELS))
+    check(tmp_path, data, text_at(tmp_path / CONFIG), lambda: read_policy(tmp_path, LEVELS))
 
 
 @pytest.mark.parametrize("kind", ["network", "plan", "snapshot", "textures"])
@@ -290,7 +278,7 @@ def test_archives_run_nothing(tmp_path, kind):
 def test_recipes_of_datasets_run_nothing(tmp_path):
     data = {name: "x" if kind is str else True if kind is bool else 1 for name, kind in RECIPE.items()}
     path = tmp_path / "recipe.json"
-    check(tmp_path, data, json_at(path), lambda: recipe_from(json.loads(path.read_text()), str(path)))
+    check(tmp_path, data, text_at(path), lambda: recipe_from(json.loads(path.read_text()), str(path)))
 
 
 LOADERS = {

@@ -13,35 +13,15 @@ from pathlib import Path
 import pytest
 
 from tests.places import ROOT, sources
-
-PACKAGES = ("segar", "experiments", "analysis")
+from tests.project.rooms import PACKAGES, all_imports
 
 # What a user of the simulator does not pay for. `ot` is POT: 5 s, and torch with it unless told otherwise.
-HEAVY = ("torch", "tensordict", "torchrl", "hydra", "omegaconf", "mlflow", "matplotlib", "pandas", "ot")
-HEAVY += (
-    "numba",
-    "scipy",
-    "pygame",
-    "imageio",
-    "minari",
-    "pyarrow",
-    "h5py",
-    "PIL",
-    "stable_baselines3",
-    "starlette",
-    "uvicorn",
-)
+HEAVY = {"torch", "tensordict", "torchrl", "hydra", "omegaconf", "mlflow", "matplotlib", "pandas", "ot"}
+HEAVY |= {"numba", "scipy", "pygame", "imageio", "minari", "pyarrow", "h5py", "PIL"}
+HEAVY |= {"stable_baselines3", "starlette", "uvicorn"}
 
 MOST_OF_OURS = 20  # modules that `import segar` loads
 
-# An arrow is (who, whom): no file under the first may import a module under the second.
-FORBIDDEN_ARROWS = (
-    ("segar", "segar.experiments"),
-    ("segar", "segar.analysis"),
-    ("experiments", "segar.analysis"),
-    *(("experiments", name) for name in ("experiments", "analysis")),  # their names are those within segar
-    *(("analysis", name) for name in ("experiments", "analysis")),
-)
 TORCH = ("torch", "torchrl", "tensordict")
 THE_TORCH_FILES = ("segar/envs/torchrl_env.py", "segar/envs/device_episodes.py")
 THE_ONLY_MATPLOTLIB_FILE = "segar/cli/figures.py"
@@ -63,39 +43,26 @@ PLACES_WITH_AN_EXTRA = {
 EXTRAS = {"segar": (), "experiments": ("train", "ui", "search"), "analysis": ("train", "analysis")}
 
 
-def test_importing_segar_loads_nothing_heavy():
-    loaded = modules_loaded_by("import segar")
-    heavy = [name for name in HEAVY if name in loaded]
-    assert not heavy, f"`import segar` loads {', '.join(heavy)}: import them inside the function that needs them"
-    own = [name for name in loaded if is_within(name, "segar")]
-    assert len(own) <= MOST_OF_OURS, f"`import segar` loads {len(own)} modules of ours: {', '.join(sorted(own))}"
-
-
-def test_measuring_a_distance_does_not_load_torch():
-    loaded = modules_loaded_by(
-        "import segar\n"
-        "family = segar.family('empty-hard')\n"
-        "train, test = (family.sample(3, seed=0, split=split) for split in ('train', 'test'))\n"
-        "segar.metrics.w2(train, test, mode='exact')"
+def test_what_users_do_first_loads_nothing_heavy():
+    """One process does one thing after the other, and says each time what it has loaded."""
+    alone, shown, measured, reported = modules_loaded_by(
+        "import segar",
+        "segar.family('empty-easy')._repr_html_()",
+        "sample = segar.family('empty-hard').sample\nsegar.metrics.w2(sample(3), sample(4), mode='exact')",
+        "import segar.analysis.collect, segar.analysis.gap_plot, segar.analysis.report.make",
     )
-    assert "torch" not in loaded, "POT brought torch: set POT_BACKEND_DISABLE_PYTORCH before `import ot`"
-
-
-def test_tables_plots_and_reports_do_not_load_torch():
-    loaded = modules_loaded_by("import segar.analysis.collect, segar.analysis.gap_plot, segar.analysis.report.make")
-    assert "torch" not in loaded, "what reads results imports what trains"
-
-
-@pytest.mark.parametrize(("who", "whom"), FORBIDDEN_ARROWS)
-def test_no_import_points_up(who, whom):
-    wrong = [f"{place}: {who} must not import {name}" for place, name in imports_of(who) if is_within(name, whom)]
-    assert not wrong, "\n" + "\n".join(wrong)
+    assert not HEAVY & alone, "import them inside the function that needs them"
+    own = sorted(name for name in alone if is_within(name, "segar"))
+    assert len(own) <= MOST_OF_OURS, f"`import segar` loads {len(own)} modules of ours: {', '.join(own)}"
+    assert not {"torch", "pygame"} & shown
+    assert "torch" not in measured, "POT brought torch: set POT_BACKEND_DISABLE_PYTORCH before `import ot`"
+    assert "torch" not in reported, "what reads results imports what trains"
 
 
 def test_two_files_of_segar_know_torch():
     wrong = [
         f"{place}: imports {name}; only {' and '.join(THE_TORCH_FILES)} may"
-        for place, name in imports_of("segar")
+        for place, name in imports_from("segar")
         if any(is_within(name, heavy) for heavy in TORCH) and not place.startswith(THE_TORCH_FILES)
     ]
     assert not wrong, "\n" + "\n".join(wrong)
@@ -105,7 +72,7 @@ def test_no_import_is_wrapped_in_try():
     wrong = [
         f"{place_of(path, statement)}: an import in a `try` that swallows its failure; declare the dependency"
         for package in PACKAGES
-        for path in sources_of(package)
+        for path in sources(package)
         for statement in guarded_imports(ast.parse(path.read_text(), str(path)))
     ]
     assert not wrong, "\n" + "\n".join(wrong)
@@ -115,7 +82,7 @@ def test_no_import_is_wrapped_in_try():
 def test_every_import_is_declared_in_pyproject(package):
     providers = importlib.metadata.packages_distributions()
     wrong = []
-    for place, name in imports_of(package):
+    for place, name in imports_from(package):
         top = name.partition(".")[0]
         if top in sys.stdlib_module_names or top in PACKAGES:
             continue
@@ -129,41 +96,19 @@ def test_every_import_is_declared_in_pyproject(package):
     assert not wrong, "\n" + "\n".join(wrong)
 
 
-def modules_loaded_by(code: str) -> set[str]:
-    """Names of all modules that a fresh interpreter holds after running `code`."""
-    report = "\nimport json, sys; print(json.dumps(sorted(sys.modules)))"
-    run = subprocess.run([sys.executable, "-c", code + report], cwd=ROOT, capture_output=True, text=True)
+def modules_loaded_by(*steps: str) -> list[set[str]]:
+    """Names of all modules that a fresh interpreter holds after each of these steps."""
+    code = "\n".join(f"{step}\nimport json, sys; print(json.dumps(sorted(sys.modules)))" for step in steps)
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert run.returncode == 0, f"this failed:\n{code}\n{run.stderr}"
-    return set(json.loads(run.stdout.splitlines()[-1]))
+    return [set(json.loads(line)) for line in run.stdout.splitlines()]
 
 
-def sources_of(package: str) -> list[Path]:
-    return sources(package)
-
-
-def imports_of(package: str) -> Iterator[tuple[str, str]]:
-    """(place, imported module) of every import in the package, those inside functions included."""
-    for path in sources_of(package):
-        for node in ast.walk(ast.parse(path.read_text(), str(path))):
-            for name in imported_names(node, path):
-                yield place_of(path, node), name
-
-
-def imported_names(node: ast.AST, path: Path) -> list[str]:
-    match node:
-        case ast.Import(names=names):
-            return [alias.name for alias in names]
-        case ast.ImportFrom(module=module, names=names, level=0):
-            return [f"{module}.{alias.name}" for alias in names]  # `from segar import x` may mean a module
-        case ast.ImportFrom(module=module, names=names, level=level):
-            parents = path.relative_to(ROOT).parts[:-level]
-            return [".".join([*parents, *filter(None, [module]), alias.name]) for alias in names]
-        case ast.Call(
-            func=ast.Attribute(attr="import_module") | ast.Name(id="import_module" | "__import__"),
-            args=[ast.Constant(value=str(name)), *_],
-        ):
-            return [name]
-    return []
+def imports_from(package: str) -> Iterator[tuple[str, str]]:
+    """(place, imported module) of every import in the package."""
+    for one in all_imports():
+        if one.place.startswith(f"{package}/"):
+            yield one.place, one.target
 
 
 def guarded_imports(tree: ast.AST) -> Iterator[ast.AST]:

@@ -7,82 +7,11 @@ import ast
 import importlib
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 
 import pytest
 
-from tests.places import ROOT, sources
-
-# From the bottom to the top: a room imports only from rooms that stand before it. The commands of experiments are files.
-ORDER = [
-    "segar.errors",
-    "segar.support",
-    "segar.language",
-    "segar.noise",
-    "segar.rules",
-    "segar.levels",
-    "segar.engine",
-    "segar.reference",
-    "segar.tasks",
-    "segar.textures",
-    "segar.metrics",
-    "segar.observations",
-    "segar.rendering",
-    "segar.envs",
-    "segar.hardness",
-    "segar.policies",
-    "segar.evaluation",
-    "segar.datasets",
-    "segar.lab",
-    "segar.suites",
-    "segar.playground",
-    "segar.cli",
-    "segar",
-    "segar.__main__",
-    "segar.experiments.settings",
-    "segar.experiments.commands",
-    "segar.experiments.levels",
-    "segar.experiments.runs",
-    "segar.experiments.networks",
-    "segar.experiments.collection",
-    "segar.experiments.algorithms",
-    "segar.experiments.curricula",
-    "segar.experiments.tracking",
-    "segar.experiments.evaluation",
-    "segar.experiments.training",
-    "segar.experiments.reproduction",
-    "segar.experiments.benchmarking",
-    "segar.experiments.train",
-    "segar.experiments.evaluate",
-    "segar.experiments.results",
-    "segar.experiments.dashboard",
-    "segar.experiments.upload",
-    "segar.experiments.search",
-    "segar.experiments.reproduce",
-    "segar.experiments.sweep",
-    "segar.experiments.study",
-    "segar.experiments.benchmark",
-    "segar.experiments",
-    "segar.analysis.tables",
-    "segar.analysis.stats",
-    "segar.analysis.plotting",
-    "segar.analysis.distances",
-    "segar.analysis.level_sets",
-    "segar.analysis.runs",
-    "segar.analysis.gap_plot",
-    "segar.analysis.causes",
-    "segar.analysis.probes",
-    "segar.analysis.studies",
-    "segar.analysis.experiment_runs",
-    "segar.analysis.collected_rows",
-    "segar.analysis.collect",
-    "segar.analysis.renderings",
-    "segar.analysis.report",
-    "segar.analysis.benchmark",
-    "segar.analysis",
-]
+from tests.places import sources
+from tests.project.rooms import LINKED, MODULES, ORDER, PACKAGES, Import, all_imports, room_of
 
 # What the order alone would allow: (who, whom).
 STRANGERS = [
@@ -104,63 +33,18 @@ OPTIONAL = {
     "segar.rendering.painter",
     "segar.rendering.window",
 }
-MOST_ROOMS = {"segar": 25, "segar.experiments": 25}
-PACKAGES = ("segar", "experiments", "analysis")  # folders; the latter two are links in the first
-LINKED = ("segar.experiments", "segar.analysis")
+MOST_ROOMS = {"segar": 25, "segar.experiments": 25, "segar.analysis": 25}
 
 
-@dataclass(frozen=True)
-class Import:
-    """One name that a file imports, at its top or inside a function."""
-
-    importer: str  # module
-    target: str  # module
-    name: str  # what is taken from it; empty where the module itself is imported
-    place: str  # file and line
-
-
-def module_name(path: Path) -> str:
-    parts = path.relative_to(ROOT).with_suffix("").parts
-    parts = parts if parts[0] == "segar" else ("segar", *parts)
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
-MODULES = {module_name(path): path for package in PACKAGES for path in sources(package)}
-
-
-def room_of(module: str) -> str:
-    parts = module.split(".")
-    return next(room for k in (3, 2, 1) if (room := ".".join(parts[:k])) in ORDER)
-
-
-def imports_of(module: str, source: str) -> Iterator[Import]:
-    for node in ast.walk(ast.parse(source)):
-        place = f"{module.replace('.', '/')}:{getattr(node, 'lineno', 0)}"
-        if isinstance(node, ast.Import):
-            yield from (Import(module, alias.name, "", place) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            source = f"{module}.{node.module or ''}".rstrip(".") if node.level else str(node.module)
-            for alias in node.names:
-                inner = f"{source}.{alias.name}"
-                yield (
-                    Import(module, inner, "", place) if inner in MODULES else Import(module, source, alias.name, place)
-                )
-
-
-@cache
 def own_imports() -> list[Import]:
-    return [
-        found
-        for module, path in MODULES.items()
-        for file in (path, path.with_suffix(".pyi"))
-        if file.exists()
-        for found in imports_of(module, file.read_text())
-        if found.target.split(".")[0] in PACKAGES
-    ]
+    return [one for one in all_imports() if one.target.split(".")[0] in PACKAGES and not one.by_string]
 
 
 def objections(one: Import) -> Iterator[str]:
     """Why an import is not allowed."""
+    if not one.target.startswith("segar"):
+        yield f"{one.place}: {one.target} is a folder; in the package it is segar.{one.target}"
+        return
     here, there = room_of(one.importer), room_of(one.target)
     if here == there:
         return
@@ -184,6 +68,7 @@ def test_every_import_points_down_and_goes_through_a_face():
 @pytest.mark.parametrize(
     ("importer", "target"),
     [
+        ("segar.experiments.train", "experiments.runs"),
         ("segar.engine.simulator", "segar.tasks"),
         ("segar.engine.compiler.kernel", "segar.rules"),
         ("segar.reference.interpreter", "segar.tasks"),
@@ -218,14 +103,14 @@ def test_files_import_each_other_in_no_circle():
     )
 
 
-def test_experiments_name_no_module_of_analysis_in_a_string():
+@pytest.mark.parametrize(("package", "above"), [("segar", "experiments|analysis"), ("experiments", "analysis")])
+def test_a_package_names_no_module_above_it_in_a_string(package, above):
     wrong = [
-        f"{module}:{node.lineno}: {node.value!r}"
-        for module, path in MODULES.items()
-        if not module.startswith("segar.analysis")
+        f"{path}:{node.lineno}: {node.value!r}"
+        for path in sources(package)
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
-        and re.fullmatch(r"(segar\.)?analysis(\.\w+)+(:\w+)?", node.value)
+        and re.fullmatch(rf"(segar\.)?({above})(\.\w+)+(:\w+)?", node.value)
     ]  # fmt: skip
     assert not wrong, "\n" + "\n".join(wrong)
 

@@ -14,19 +14,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    Charger,
-    Circle,
-    LevelDistribution,
-    Magnet,
-    Object,
-    Position,
-    Prior,
-    RandomUniformLocation,
-    Shape,
-    Size,
-    family,
-)
+from segar import LevelDistribution, Position, Prior, Size, family
 from segar.language.values import VectorValue as Vector
 from tests.places import ROOT
 
@@ -66,8 +54,8 @@ def test_the_listing_runs_as_printed(listing):
 
 
 def test_the_dictionary_makes_an_object():
-    entity = Object(listing_with("Mass: 0.4")["value"])
-    assert entity[Position] == (0.1, -0.1) and entity[segar.Mass] == 0.4 and entity[Shape] == Circle()
+    entity = segar.Object(listing_with("Mass: 0.4")["value"])
+    assert entity[Position] == (0.1, -0.1) and entity[segar.Mass] == 0.4 and entity[segar.Shape] == segar.Circle()
 
 
 @pytest.mark.parametrize("name", ["apply_friction", "lorentz_law", "move"])
@@ -94,28 +82,17 @@ def test_like_charges_repel_by_the_inverse_square_in_the_paper():
     lorentz_law = listing_with("def lorentz_law(")["lorentz_law"]
     none, rest = segar.Magnetism(0.0), segar.Velocity([0.0, 0.0])
     source = (segar.Position([0.0, 0.0]), rest, segar.Charge(2.0), none)
-    target = (
-        segar.Position([0.5, 0.0]),
-        rest,
-        segar.Charge(1.0),
-        segar.Mass(4.0),
-        _argument(segar.Acceleration, [0, 0]),
-    )
-    effect = lorentz_law(source, target)
+    pulled = (segar.Charge(1.0), segar.Mass(4.0), _argument(segar.Acceleration, [0, 0]))
+    effect = lorentz_law(source, (segar.Position([0.5, 0.0]), rest, *pulled))
     assert tuple(map(float, effect.value)) == pytest.approx((2.0 / 0.25 / 4.0, 0.0))
 
 
 def test_the_move_of_the_paper_is_the_velocity_above_the_least_speed():
     move = listing_with("def move(")["move"]
     place = _argument(segar.Position, [0.0, 0.0])
-    assert tuple(map(float, move(place, segar.Velocity([0.5, 0.0]), segar.MinVelocity(1e-4)).value)) == (
-        0.5,
-        0.0,
-    )
-    assert tuple(map(float, move(place, segar.Velocity([1e-5, 0.0]), segar.MinVelocity(1e-4)).value)) == (
-        0.0,
-        0.0,
-    )
+    for speed, moved in ((0.5, 0.5), (1e-5, 0.0)):
+        effect = move(place, segar.Velocity([speed, 0.0]), segar.MinVelocity(1e-4))
+        assert tuple(map(float, effect.value)) == (moved, 0.0)
 
 
 def test_the_default_configuration_of_puttputt_is_the_family_puttputt():
@@ -126,33 +103,25 @@ def test_the_default_configuration_of_puttputt_is_the_family_puttputt():
     assert levels.values.tobytes() == family("puttputt").sample(20).values.tobytes()
 
 
+def priors() -> list[Any]:
+    """What the listings of priors say: one of them, and a pair."""
+    return [run(text)["value"] for text in LISTINGS if text.strip().startswith("Prior(")]
+
+
 def test_the_prior_of_the_paper_sets_the_size_of_objects():
-    listings = [run(text)["value"] for text in LISTINGS if text.strip().startswith("Prior(")]
-    single = next(value for value in listings if isinstance(value, Prior))
-    assert single.factor is Size and single.entity_type is Object
+    single = next(value for value in priors() if isinstance(value, Prior))
+    assert single.factor is Size and single.entity_type is segar.Object
     assert single.value == segar.GaussianNoise(0.2, 0.01, clip=(0.1, 0.3))
 
 
-def test_of_the_two_priors_of_the_paper_the_one_for_chargers_counts_for_chargers():
-    pair = next(
-        value
-        for text in LISTINGS
-        if text.strip().startswith("Prior(") and isinstance(value := run(text)["value"], tuple)
-    )
-    dist = LevelDistribution([(Charger, 1), (Magnet, 1)], [*pair, Prior(Position, RandomUniformLocation())])
-    levels = dist.sample(200)
+def test_of_the_two_priors_of_the_paper_the_one_for_chargers_counts_for_chargers_and_none_may_stand_twice():
+    pair = next(value for value in priors() if isinstance(value, tuple))
+    places = Prior(Position, segar.RandomUniformLocation())
+    levels = LevelDistribution([(segar.Charger, 1), (segar.Magnet, 1)], [*pair, places]).sample(200)
     size = levels.sampled_values[:, :2, levels.layout.columns[Size]]
     assert np.abs(size.mean(axis=0) - [0.3, 0.2]).max() < 5 * 0.02 / math.sqrt(200)
-
-
-def test_priors_with_identical_conditions_are_an_error_as_the_paper_says():
-    pair = next(
-        value
-        for text in LISTINGS
-        if text.strip().startswith("Prior(") and isinstance(value := run(text)["value"], tuple)
-    )
     with pytest.raises(segar.errors.PriorError, match="same condition"):
-        LevelDistribution([(Charger, 1)], [*pair, pair[0]])
+        LevelDistribution([(segar.Charger, 1)], [*pair, pair[0]])
 
 
 def _argument(factor: type, value: Any) -> Vector:

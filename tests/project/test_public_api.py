@@ -50,10 +50,7 @@ def without_types(value: Any) -> str:
         return " (class)"
     parameters = [p.replace(annotation=p.empty) for p in signature.parameters.values()]
     text = str(signature.replace(parameters=parameters, return_annotation=signature.empty))
-    if list(signature.parameters) == [
-        "args",
-        "kwargs",
-    ]:  # Python 3.13 says so of classes without a signature of their own
+    if [*signature.parameters] == ["args", "kwargs"]:  # Python 3.13 says so of classes without a signature of their own
         return " (class)"
     return text if " at 0x" not in text else f"({', '.join(signature.parameters)})"
 

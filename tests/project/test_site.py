@@ -26,15 +26,7 @@ PAGES = [
     *(page.relative_to(DOCS).with_suffix(".html") for page in DOCS.rglob("*.md")),
     *map(Path, ("CHANGELOG.html", "CONTRIBUTING.html", "index.html")),
 ]
-LOADED = {
-    "script": "src",
-    "img": "src",
-    "iframe": "src",
-    "source": "src",
-    "video": "src",
-    "link": "href",
-    "object": "data",
-}
+LOADED = dict.fromkeys(("script", "img", "iframe", "source", "video"), "src") | {"link": "href", "object": "data"}
 NOT_LOADED = {"canonical", "author", "license"}  # relations of a link that browsers do not follow by themselves
 
 
@@ -108,18 +100,10 @@ def test_links_to_other_hosts_are_complete_addresses():
 
 
 def test_pages_load_nothing_from_another_host():
-    foreign = [
-        f"{path.relative_to(SITE)}: {address}"
-        for path in pages_of_site()
-        for address in page_at(path).loaded
-        if urlsplit(address).netloc
-    ]
-    styles = [
-        f"{path.relative_to(SITE)}: {address}"
-        for path in SITE.rglob("*.css")
-        for address in re.findall(r"(?:url\(|@import)\s*[\"']?((?:https?:)?//[^\"')]*)", path.read_text())
-    ]
-    assert not foreign + styles
+    loaded = {path: [one for one in page_at(path).loaded if urlsplit(one).netloc] for path in pages_of_site()}
+    for path in SITE.rglob("*.css"):
+        loaded[path] = re.findall(r"(?:url\(|@import)\s*[\"']?((?:https?:)?//[^\"')]*)", path.read_text())
+    assert not {path.relative_to(SITE): addresses for path, addresses in loaded.items() if addresses}
 
 
 @pytest.mark.parametrize(("step", "playground"), [(2, "play"), (4, "windy"), (5, "distance"), (6, "agent")])
