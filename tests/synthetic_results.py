@@ -8,6 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from segar.analysis.report.claims.claim import Claim
+from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.reading import read_claims
+from segar.analysis.report.results import read_results
 from segar.analysis.tables import select
 
 FAMILIES, DIFFICULTIES, COUNTS = ("empty", "objectsx1", "tilesx1"), ("easy", "medium", "hard"), (1, 10, 50, 100, 200)
@@ -35,14 +39,8 @@ def run_rows(
         expected = 0.7 + 0.3 * i + 0.4 * j - 0.1 * np.log(n)
         exact = expected * np.exp(0.15 * rng.normal())
         gap = slope * (exact if beyond_n else expected) + noise * rng.normal()
-        what = {
-            "algorithm": "ppo_fast",
-            "observation": "rgb_stack2",
-            "task": "puttputt",
-            "variation": "",
-            "design": "iid",
-        }
-        what |= place
+        what = {"algorithm": "ppo_fast", "observation": "rgb_stack2", "task": "puttputt", "variation": ""}
+        what |= {"design": "iid"} | place
         name = "-".join(map(str, (family, difficulty, n, seed, *what.values())))
         eta = -1.0 - 0.5 * j - 5.0 * (family == "tilesx1")
         rows.append(
@@ -75,11 +73,8 @@ def transfer_rows(runs: pd.DataFrame, loss: float, **there: Any) -> pd.DataFrame
             continue
         place = {"test": "moved", "test_family": row["family"], "test_variation": row["variation"],
                  "test_observation": row["observation"]} | there | {"test_difficulty": difficulty}  # fmt: skip
-        moved = outcome(
-            row["eta_train_deterministic"],
-            row["gap_deterministic"] - loss * (1 + 0.01 * np.cos(k)),
-            row["success_train_deterministic"],
-        )
+        gap = row["gap_deterministic"] - loss * (1 + 0.01 * np.cos(k))
+        moved = outcome(row["eta_train_deterministic"], gap, row["success_train_deterministic"])
         kept = {key: value for key, value in row.items() if key not in ("experiments", "hours", "code", "hash")}
         rows.append(kept | place | moved | {"w2_exact": row["w2_exact"] + 1, "w2_reference": row["w2_reference"] + 0.3})
     return pd.DataFrame(rows)
@@ -106,9 +101,8 @@ def probe_rows(rng: np.random.Generator, runs: pd.DataFrame) -> pd.DataFrame:
     for run, probe, levels in product(runs["run"], ("paper", "jsd"), ("train", "test")):
         value = 0.7 + 0.05 * (levels == "train") + 0.03 * rng.normal()
         row = {"run": run, "levels": levels, "representation": "trained", "factor": "all", "probe": probe, "units": 5}
-        rows.append(
-            row | {"quantity": "accuracy", "estimate": value, "low": value - 0.01, "high": value + 0.01, "p": 0.01}
-        )
+        row |= {"quantity": "accuracy", "estimate": value, "low": value - 0.01, "high": value + 0.01, "p": 0.01}
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
@@ -139,9 +133,8 @@ def everything(rng: np.random.Generator, **main: Any) -> dict[str, pd.DataFrame]
         one = {"families": ("empty",), "difficulties": ("medium",), "seeds": 3, "counts": (10, 50)}
         parts.append(run_rows(rng, "matched_sets", design=design, **one))
     for task in range(4):
-        parts.append(
-            run_rows(rng, "hardness", task=f"conditional_puttputt(conditions={task})", observation="state", **short)
-        )
+        one = {"task": f"conditional_puttputt(conditions={task})", "observation": "state"}
+        parts.append(run_rows(rng, "hardness", **one, **short))
     parts.append(run_rows(rng, "upper_bound", observation="state", seeds=1))
     parts += [rule_set_rows(rng), trial_rows(rng, gain=0.2)]
     looks = run_rows(rng, "visual", observation="textures(textures=baseline)", **two, **short)
@@ -157,13 +150,8 @@ def everything(rng: np.random.Generator, **main: Any) -> dict[str, pd.DataFrame]
     return tables | {"probes": probe_rows(rng, runs)}
 
 
-RULE_SETS = {
-    "rule_sets_1": 4.0,
-    "rule_sets_10": 3.5,
-    "rule_sets_10_near": 3.0,
-    "rule_sets_10_far": 4.2,
-    "rule_sets_100": 2.7,
-}
+RULE_SETS = {"rule_sets_1": 4.0, "rule_sets_10": 3.5, "rule_sets_100": 2.7}
+RULE_SETS |= {"rule_sets_10_near": 3.0, "rule_sets_10_far": 4.2}
 """Designs, and how far their rule sets are from those of the test."""
 
 
@@ -206,23 +194,23 @@ def player_rows(floor: float = -10.0, oracle: float = 0.0) -> pd.DataFrame:
     """Players without training that reach the same in every panel."""
     returns = {"idle": floor - 2.0, "random": floor - 1.0, "floor": floor, "oracle": oracle}
     places = product(FAMILIES, DIFFICULTIES, returns.items())
-    rows = [
-        {
-            "family": family,
-            "difficulty": difficulty,
-            "player": player,
-            "return": value,
-            "success": float(value == oracle),
-        }
-        for family, difficulty, (player, value) in places
-    ]
-    return pd.DataFrame(rows)
+    rows = [(*place, *player, float(player[1] == oracle)) for *place, player in places]
+    return pd.DataFrame(rows, columns=["family", "difficulty", "player", "return", "success"])
 
 
 def write_players(folder: Path, players: pd.DataFrame) -> None:
     """The table of the study ``anchors`` in a results folder."""
     (folder / "studies" / "anchors").mkdir(parents=True)
     players.to_csv(folder / "studies" / "anchors" / "anchors.csv", index=False)
+
+
+def evidence_of(folder: Path, tables: dict[str, pd.DataFrame]) -> Evidence:
+    """What the tables of a results folder say."""
+    return Evidence(read_results(write_results(folder, tables)))
+
+
+def claims_of(evidence: Evidence) -> dict[str, Claim]:
+    return {claim.name: claim for claim in read_claims(evidence)}
 
 
 def write_results(folder: Path, tables: dict[str, pd.DataFrame]) -> Path:

@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 import yaml
 
-from segar.experiments.levels.builders import Prepared
+from segar.experiments.evaluation.transfers import Transfer
+from segar.experiments.levels.builders import Prepared, make_levels
 from segar.experiments.runs.executed_code import executed_code
 from segar.experiments.runs.run_folder import (
     CONFIG,
     EPISODE_SCHEMA,
     EPISODES,
+    LEVELS_TEST,
+    LEVELS_TRAIN,
     METRIC_SCHEMA,
     METRICS,
     SUMMARY,
@@ -53,13 +56,16 @@ def write_run(
     gap: float = -1.0,
     w2: float = 0.5,
     finished: bool = True,
-    noise: float = 1.0,
     code: Mapping[str, str] = MADE_WITH["code"],
+    level_files: bool = False,
 ) -> Path:
     """The folder of a run with this mean gap (exactly) and W2; sampled actions cost 0.5 everywhere."""
     folder = folder_path(config)
     folder.mkdir(parents=True)
     (folder / CONFIG).write_text(yaml.safe_dump(as_data(config)))
+    if level_files:
+        for levels, name in zip(make_levels(config.levels), (LEVELS_TRAIN, LEVELS_TEST), strict=True):
+            levels.save(folder / name)
     if not finished:
         return folder
     metrics = {"episode/return": -3.0, "w2/reference": w2, "w2/exact": 2 * w2}
@@ -72,27 +78,27 @@ def write_run(
     return folder
 
 
+def write_transfer(transfer: Transfer, config: RunConfig, gap: float) -> None:
+    """What a run leaves of a transfer with this mean gap."""
+    folder = transfer.folder(config)
+    folder.mkdir(parents=True)
+    rows = [row for row in episodes(config, gap) if row["levels"] == "test"]
+    write_rows(folder / EPISODES, rows, EPISODE_SCHEMA)
+    write_json(folder / SUMMARY, {"transfer": as_data(transfer), "w2/exact": 3.0, "ks": 0.5})
+
+
 def episodes(config: RunConfig, gap: float) -> list[dict[str, Any]]:
     """Each training level twice, each test level once, in both action modes."""
     rng = np.random.default_rng(config.levels.count)
-    rows = []
+    rows: list[dict[str, Any]] = []
     for mode, cost in (("deterministic", 0.0), ("sampled", 0.5)):
         for levels, number, mean in (("train", 2 * config.levels.count, -2.0), ("test", TEST_LEVELS, -2.0 + gap)):
             returns = rng.normal(size=number)
             returns += mean - cost - returns.mean()
-            rows += [
-                {
-                    "levels": levels,
-                    "action_mode": mode,
-                    "level": i % config.levels.count if levels == "train" else i,
-                    "return": value,
-                    "return_ref": value + 0.25,
-                    "length": 10,
-                    "success": i % 4 > 0,
-                    "death": False,
-                }
-                for i, value in enumerate(returns)
-            ]
+            for i, value in enumerate(returns):
+                level = i % config.levels.count if levels == "train" else i
+                played = {"levels": levels, "action_mode": mode, "level": level, "length": 10, "death": False}
+                rows.append({**played, "return": value, "return_ref": value + 0.25, "success": i % 4 > 0})
     return rows
 
 
@@ -103,7 +109,6 @@ def pretend_to_train(config: RunConfig) -> dict[str, float]:
         stream.write(f"{cell.panel} n={cell.count} seed={cell.seed}\n")
     if config.stale == "anew":
         shutil.rmtree(folder_path(config), ignore_errors=True)
-    write_run(
-        config, gap=-2.0 / config.levels.count, w2=1.0 / config.levels.count, code=executed_code(Prepared(config))
-    )
-    return {"evaluation/gap/deterministic": -2.0 / config.levels.count}
+    w2 = 1.0 / config.levels.count
+    write_run(config, gap=-2 * w2, w2=w2, code=executed_code(Prepared(config)))
+    return {"evaluation/gap/deterministic": -2 * w2}

@@ -15,26 +15,21 @@ from segar.experiments.reproduce import ReproduceConfig, write_plan
 from segar.experiments.reproduction.experiment_file import experiment_at
 from segar.experiments.reproduction.plan import make_plan
 from segar.experiments.runs.executed_code import combined
-from segar.experiments.runs.run_folder import EPISODE_SCHEMA, PROBES, SUMMARY, folder_path, write_json, write_rows
+from segar.experiments.runs.run_folder import PROBES, SUMMARY, folder_path, write_json
 from segar.experiments.settings import RunFolderError, ScaleConfig, TrackingConfig, TrackingError
-from tests.synthetic_runs import MADE_WITH, episodes, settings, write_run
+from tests.synthetic_runs import MADE_WITH, settings, write_run, write_transfer
 
 SCALE = ScaleConfig(name="smoke", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
 MAIN = {"title": "Main", "figure": "3a", "grid": {"algorithms": ["base"]}, "scales": {"smoke": {}}}
-HARDER = {
-    "title": "Harder",
-    "figure": "4a",
-    "grid": {"difficulties": ["easy"]},
-    "probes": True,
-    "transfers": [{"difficulty": "medium"}],
-    "scales": {"smoke": {}},
-}
+HARDER = {"title": "Harder", "figure": "4a", "grid": {"difficulties": ["easy"]}, "scales": {"smoke": {}}}
+HARDER |= {"probes": True, "transfers": [{"difficulty": "medium"}]}
 TRANSFER_GAP = -5.0
 
 
-def planned(root):
+def planned(root, **changes):
     """A reproduction of two experiments, of which the runs are written and not trained."""
-    config = ReproduceConfig(settings(root, seed=1, scale=SCALE, stale="keep"), grids={"main": MAIN, "harder": HARDER})
+    run = settings(root, **{"seed": 1, "scale": SCALE, "stale": "keep", **changes})
+    config = ReproduceConfig(run, grids={"main": MAIN, "harder": HARDER})
     plan = make_plan([experiment_at(k, v, "smoke") for k, v in config.grids.items()], config.run, config.folder)
     write_plan(config, plan)
     return config, plan
@@ -44,12 +39,7 @@ def write_all(plan):
     for i, work in enumerate(plan.runs):
         write_run(work.run, gap=-1.0 - i, w2=0.1 * (i + 1))
         for transfer in work.transfers:
-            out = transfer.folder(work.run)
-            out.mkdir(parents=True)
-            rows = [row for row in episodes(work.run, TRANSFER_GAP) if row["levels"] == "test"]
-            write_rows(out / "episodes.parquet", rows, EPISODE_SCHEMA)
-            summary = {"transfer": json.loads(json.dumps(dataclasses.asdict(transfer))), "w2/exact": 3.0, "ks": 0.5}
-            write_json(out / SUMMARY, summary)
+            write_transfer(transfer, work.run, TRANSFER_GAP)
         if work.probes is not None:
             probe_table(work.run.label(), 0.7 + i / 100).to_parquet(folder_path(work.run) / PROBES)
 
@@ -72,15 +62,17 @@ def made(tmp_path_factory):
     return config, collect(CollectConfig(str(config.folder)))
 
 
-def test_there_is_one_row_per_run_with_all_experiments_that_need_it(made):
-    _, found = made
-    assert len(found.runs) == 4
+@pytest.fixture
+def found(made):
+    return made[1]
+
+
+def test_there_is_one_row_per_run_with_all_experiments_that_need_it(found):
     assert list(found.runs["experiments"]) == ["main harder", "main harder", "main", "main"]
     assert list(found.runs["difficulty"]) == ["easy", "easy", "hard", "hard"]
 
 
-def test_a_run_has_its_gap_in_both_modes_its_distances_and_its_cost(made):
-    _, found = made
+def test_a_run_has_its_gap_in_both_modes_its_distances_and_its_cost(found):
     row = found.runs.iloc[0]
     assert row["gap_deterministic"] == pytest.approx(-1.0)
     assert row["eta_train_sampled"] == pytest.approx(row["eta_train_deterministic"] - 0.5)
@@ -89,29 +81,23 @@ def test_a_run_has_its_gap_in_both_modes_its_distances_and_its_cost(made):
     assert row["hash"] == row["run"].split("-")[-1]
 
 
-def test_a_run_says_what_made_it(made):
-    _, found = made
+def test_a_run_says_what_made_it(found):
     row = found.runs.iloc[0]
     assert row["code"] == combined({"kernel": "0123456789abcdef"})
     assert row["commit"] == "89abcdef" * 5 + "+", "files differed from the commit"
     assert row["libraries"] == "python 3.11.7, torch 2.13.0", "one that is not installed is not named"
     assert row["computed_with"] == "AVX512, bf16, 1 thread, AMD EPYC"
+    assert software({**MADE_WITH, "git": None})["commit"] == "", "outside of a checkout"
 
 
-def test_outside_of_a_checkout_there_is_no_commit():
-    assert software({**MADE_WITH, "git": None})["commit"] == ""
-
-
-def test_a_transfer_is_held_against_the_training_levels(made):
-    _, found = made
+def test_a_transfer_is_held_against_the_training_levels(found):
     assert list(found.transfers["test"]) == ["empty-medium"] * 2
     assert set(found.transfers["test_difficulty"]) == {"medium"}
     np.testing.assert_allclose(found.transfers["gap_deterministic"], TRANSFER_GAP)
     np.testing.assert_allclose(found.transfers["w2_exact"], 3.0)
 
 
-def test_level_means_give_the_returns_of_the_runs_again(made):
-    _, found = made
+def test_level_means_give_the_returns_of_the_runs_again(found):
     chosen = found.levels[(found.levels["levels"] == "test") & (found.levels["action_mode"] == "deterministic")]
     own = chosen[chosen["test"] == "own"].groupby("run")["return"].mean()
     runs = found.runs.set_index("run")["eta_test_deterministic"]
@@ -127,8 +113,7 @@ def test_an_experiment_has_a_table_of_its_runs_and_of_the_transfers_that_it_asks
     assert list(harder["test"]) == ["own"] * 2 + ["empty-medium"] * 2
 
 
-def test_what_probes_say_stands_beside_what_the_run_is(made):
-    _, found = made
+def test_what_probes_say_stands_beside_what_the_run_is(found):
     assert list(found.probes["n"]) == [1, 1, 10, 10] and list(found.probes["units"]) == [3, 100, 3, 100]
     accuracy = found.probes[found.probes["probe"] == "jsd"]
     np.testing.assert_array_equal(accuracy["estimate"], np.float32([0.7, 0.71]))
@@ -197,10 +182,7 @@ def test_mlflow_has_a_parent_per_experiment_and_its_runs_as_children(tmp_path):
     from segar.experiments.tracking.mlflow_sync import RunSync
 
     tracking = TrackingConfig(experiment="here")
-    run = settings(tmp_path, seed=1, scale=dataclasses.replace(SCALE, counts=(1,)), tracking=tracking)
-    config = ReproduceConfig(run, grids={"main": MAIN, "harder": HARDER})
-    plan = make_plan([experiment_at(k, v, "smoke") for k, v in config.grids.items()], config.run, config.folder)
-    write_plan(config, plan)
+    config, plan = planned(tmp_path, scale=dataclasses.replace(SCALE, counts=(1,)), tracking=tracking)
     write_all(plan)
     for work in plan.runs:
         RunSync(work.run, tmp_path / work.run.label()).open()

@@ -22,7 +22,6 @@ from segar.analysis.runs import (
 )
 from segar.analysis.stats.estimate import mean_of_replicates
 from segar.errors import SegarError
-from segar.experiments.levels.builders import make_levels
 from segar.experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, VERSIONS, read_versions, write_json
 from segar.experiments.runs.run_rows import as_columns, code_warning, run_rows
 from segar.experiments.settings import LevelsConfig, RunFolderError
@@ -58,12 +57,9 @@ def folder(tmp_path_factory):
     return root
 
 
-def test_a_level_set_counts_once_however_many_agents_were_trained_on_it():
-    few, many = (summarise(table(seeds=seeds)) for seeds in ((1, 2), (1, 2) * 5))
-    assert (few["unit"] == "level sets").all() and (few["n"] == 3).all()
-    assert (many["runs"] == 5 * few["runs"]).all()
-    for name in ("estimate", "low", "high"):
-        np.testing.assert_allclose(many[name], few[name])
+def title_of(runs, **options):
+    """The words of a plot's title."""
+    return " ".join(gap_plot(runs, **options).axes[0].get_title(loc="left").split())
 
 
 def crossed(level_seeds=(1, 2, 3), tests=("calm", "gale")):
@@ -83,8 +79,7 @@ def test_more_test_distributions_are_no_more_level_sets(level_seeds):
     assert one.n == two.n == len(level_seeds)
     assert (one.low, one.high) == pytest.approx((two.low, two.high), nan_ok=True)
     assert np.isnan(two.low) == (len(level_seeds) < 3)
-    title = gap_plot(crossed(level_seeds)).axes[0].get_title(loc="left")
-    assert f"{12 * len(level_seeds)} runs on {len(level_seeds)} level sets" in title
+    assert f"{12 * len(level_seeds)} runs on {len(level_seeds)} level sets" in title_of(crossed(level_seeds))
 
 
 def test_level_sets_whose_seed_is_that_of_the_run_are_told_apart_without_a_column_of_their_own():
@@ -103,9 +98,8 @@ def test_fewer_than_three_level_sets_have_no_interval_and_the_text_says_so():
     assert np.isfinite(found["estimate"]).all()
     text = summary_text(runs.to_dict("records"))
     assert "2 level sets: no interval. It takes 3; sweep levels.seed." in text and "[" not in text
-    assert "Units with equal results have no interval" in summary_text(
-        table().to_dict("records")
-    )  # success is 0.5 everywhere
+    equal = summary_text(table().to_dict("records"))  # success is 0.5 everywhere
+    assert "Units with equal results have no interval" in equal
 
 
 def test_means_of_all_figures_are_written_to_a_file(tmp_path):
@@ -118,9 +112,11 @@ def test_means_of_all_figures_are_written_to_a_file(tmp_path):
         np.testing.assert_allclose(found[found["figure"] == "odd"]["low"], expected["low"])
 
 
-def test_the_interval_is_that_of_the_means_of_level_sets():
-    runs = table(noise=1.0)
+@pytest.mark.parametrize("seeds", [(1, 2), (1, 2) * 5])
+def test_the_interval_is_that_of_the_means_of_level_sets_however_many_agents_were_trained_on_each(seeds):
+    runs = table(seeds=seeds, noise=1.0)
     found = summarise(runs, ["gap"], by=["train", "count"])
+    assert (found["unit"] == "level sets").all() and (found["n"] == 3).all() and (found["runs"] == 3 * len(seeds)).all()
     mine = runs[(runs["levels.train"] == "gale") & (runs["levels.count"] == 10)]
     expected = mean_of_replicates(mine.groupby("levels.seed")["gap_deterministic"].mean().to_numpy())
     (row,) = found[(found["levels.train"] == "gale") & (found["levels.count"] == 10)].to_dict("records")
@@ -150,9 +146,8 @@ def test_runs_are_read_with_their_settings_figures_and_errors(folder):
     assert len(done) == 4 and (done["gap_se_deterministic"] >= 0).all()
     (lost,) = runs[runs["state"] != "finished"].to_dict("records")
     assert lost["levels.count"] == 4 and np.isnan(lost["gap_deterministic"])
-    assert [column_name(runs, name) for name in ("w2", "gap", "count")] == [
-        "w2_exact", "gap_deterministic", "levels.count"
-    ]  # fmt: skip
+    names = {"w2": "w2_exact", "gap": "gap_deterministic", "count": "levels.count"}
+    assert {name: column_name(runs, name) for name in names} == names
     text = summary_text(as_columns(run_rows([folder])))
     assert "not counted: 1 of 5 runs;" in text
     with pytest.raises(RunFolderError, match="there is no run of the sweep mine in"):
@@ -174,9 +169,8 @@ def test_the_plot_has_the_correlation_given_colours_and_given_all_settings():
     title = gap_plot(runs, group="train").axes[0].get_title(loc="left").splitlines()
     cell = runs.assign(cell=runs["levels.train"] + runs["levels.count"].astype(str))
     given = correlation(cell, "w2", "gap", "cell")
-    assert [line.partition(" =")[0] for line in title[1:4]] == [
-        "r", "r given the groups", "r given all settings but seeds"
-    ]  # fmt: skip
+    kinds = ["r", "r given the groups", "r given all settings but seeds"]
+    assert [line.partition(" =")[0] for line in title[1:4]] == kinds
     assert f"r given all settings but seeds = {given.estimate:+.2f}, 95 % [{given.low:+.2f}" in title[3]
 
 
@@ -187,10 +181,7 @@ def near_and_far(tmp_path_factory):
     for seed in (1, 2, 3):
         for test in (None, "empty-hard", "objectsx3-hard"):
             levels = LevelsConfig("empty-easy", count=2, seed=seed, test=test, test_count=5)
-            config = settings(root, levels=levels)
-            folder = write_run(config)
-            for levels_of, name in zip(make_levels(levels), (LEVELS_TRAIN, LEVELS_TEST), strict=True):
-                levels_of.save(folder / name)
+            write_run(settings(root, levels=levels), level_files=True)
     return root
 
 
@@ -202,6 +193,7 @@ def test_w2_of_several_pairs_is_in_one_unit_which_is_the_spread_over_all_their_d
     expected = [w2(Levels.load(one.train), Levels.load(one.test), scale=unit) for one in measured]
     np.testing.assert_allclose(in_one_unit(measured), expected)
     np.testing.assert_allclose(in_one_unit(measured[::-1]), expected[::-1])
+    assert "w2_exact has a unit for each of the 3 pairs" in summary_text(as_columns(run_rows([near_and_far])))
 
 
 def test_the_plot_draws_several_pairs_in_one_unit_and_says_where_it_cannot(near_and_far, tmp_path):
@@ -210,18 +202,13 @@ def test_the_plot_draws_several_pairs_in_one_unit_and_says_where_it_cannot(near_
     own = gap_plot(runs, x="w2_exact").axes[0]
     assert own.get_xlabel() == "W2 between training and test levels"
     assert "compare it within a pair; --x w2 has one unit for all" in " ".join(own.get_title(loc="left").split())
-    one_pair = runs[runs["levels.test"].isna()]
-    assert "pair" not in gap_plot(one_pair).axes[0].get_title(loc="left")
+    assert "pair" not in title_of(runs[runs["levels.test"].isna()])
     lost = tmp_path / "lost"
     shutil.copytree(runs["folder"].iloc[4], lost)
     (lost / LEVELS_TEST).unlink()
     axes = gap_plot(runs.assign(folder=[*runs["folder"][:-1], str(lost)])).axes[0]
     assert axes.get_xlabel() == "W2 between training and test levels"
     assert "there is none for all, because there is no" in " ".join(axes.get_title(loc="left").split())
-
-
-def test_the_table_of_several_pairs_says_that_each_has_its_unit(near_and_far):
-    assert "w2_exact has a unit for each of the 3 pairs" in summary_text(as_columns(run_rows([near_and_far])))
 
 
 @pytest.mark.parametrize("cells", [False, True])
@@ -257,12 +244,13 @@ def test_what_cannot_be_plotted_is_an_error_that_names_it(folder, tmp_path):
         draw(str(folder), output=str(tmp_path / "gap.gif"))
     with pytest.raises(SegarError, match="there is no folder"):
         draw(str(tmp_path / "nowhere"))
-    with pytest.raises(SegarError, match="run has 36 values, and 7 colours can be told apart"):
-        gap_plot(table(), group="run")
-    with pytest.raises(SegarError, match=r"the runs have no column 'famly'"):
-        gap_plot(table(), group="famly")
-    with pytest.raises(SegarError, match=r"the column levels.train holds text, such as '.*', and numbers are needed"):
-        gap_plot(table(), x="levels.train")
+    for options, why in (
+        ({"group": "run"}, "run has 36 values, and 7 colours can be told apart"),
+        ({"group": "famly"}, "the runs have no column 'famly'"),
+        ({"x": "levels.train"}, "the column levels.train holds text, such as '.*', and numbers are needed"),
+    ):
+        with pytest.raises(SegarError, match=why):
+            gap_plot(table(), **options)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -272,13 +260,10 @@ def from_a_file(root, seeds, count, held=6):
     path = root / "few.npz"
     if not path.exists():
         segar.family("empty-easy").sample(held, seed=held).save(path)
+    held_levels = f"{path}#{file_fingerprint(path, '')}"
     for seed in seeds:
-        levels = LevelsConfig(
-            f"{path}#{file_fingerprint(path, '')}", count=count, seed=seed, test="empty-easy", test_count=3
-        )
-        run_folder = write_run(settings(root / "runs", levels=levels))
-        for levels_of, name in zip(make_levels(levels), (LEVELS_TRAIN, LEVELS_TEST), strict=True):
-            levels_of.save(run_folder / name)
+        levels = LevelsConfig(held_levels, count=count, seed=seed, test="empty-easy", test_count=3)
+        write_run(settings(root / "runs", levels=levels), level_files=True)
     return read_runs(root / "runs").assign(gap_deterministic=-1.0 - 0.1 * np.arange(len(seeds)))
 
 
@@ -290,11 +275,9 @@ def test_seeds_that_give_the_same_levels_of_a_file_are_one_level_set(tmp_path):
     text = summary_text(runs.to_dict("records"))
     assert "Several levels.seed gave the same levels" in text and "Cross the seeds" not in text
     assert "level sets share levels" not in text
-    title = " ".join(gap_plot(runs, x="ks").axes[0].get_title(loc="left").split())
-    assert (
-        title.startswith("3 runs on 1 level set; bars: 95 % intervals over the episodes of a run ")
-        and "gave the same levels" in title
-    )
+    title = title_of(runs, x="ks")
+    assert title.startswith("3 runs on 1 level set; bars: 95 % intervals over the episodes of a run ")
+    assert "gave the same levels" in title
     own = runs.assign(folder="nowhere")
     assert len(set(training_sets(own))) == 3  # without the levels, the seeds are all that is known
 
@@ -306,7 +289,7 @@ def test_level_sets_that_share_a_part_of_their_levels_are_told(tmp_path):
     share = max(len(a & b) / 4 for a in rows for b in rows if a != b)
     assert 0 < share < 1 and shared_levels(runs) == share
     assert f"the level sets share levels: up to {share:.0%} of one" in summary_text(runs.to_dict("records"))
-    assert "level sets share levels" in gap_plot(runs, x="ks").axes[0].get_title(loc="left")
+    assert "level sets share levels" in title_of(runs, x="ks")
 
 
 def test_level_sets_without_common_levels_are_told_nothing(tmp_path):
@@ -322,12 +305,12 @@ def test_level_sets_without_common_levels_are_told_nothing(tmp_path):
 
 def test_the_plot_of_runs_of_different_code_has_the_warning_of_the_table(tmp_path):
     runs = from_a_file(tmp_path, (0, 1, 2), count=1)
-    assert "different code" not in gap_plot(runs, x="ks").axes[0].get_title(loc="left")
+    assert "different code" not in title_of(runs, x="ks")
     edited = Path(runs["folder"].iloc[1])
     write_json(edited / VERSIONS, {**read_versions(edited), "code": {"kernel": "f" * 16}})
-    said = " ".join(gap_plot(runs, x="ks").axes[0].get_title(loc="left").split())
     warning = code_warning(run_rows([tmp_path / "runs"]))
-    assert warning.startswith("warning: these runs were made by different code") and warning in said
+    assert warning.startswith("warning: these runs were made by different code")
+    assert warning in title_of(runs, x="ks")
 
 
 def test_names_are_drawn_as_they_are_and_not_as_markup():

@@ -84,9 +84,8 @@ def test_a_row_is_a_run_of_mlflow_with_its_scores_however_often_it_is_reported(t
     experiment = client.get_experiment_by_name(TrackingConfig().experiment)
     (run,) = client.search_runs([experiment.experiment_id], "tags.kind = 'row' and tags.sweep = 'script'")
     board = pd.read_csv(rows / BOARD)
-    (overall,) = board.loc[
-        (board["row"] == "script") & (board["axis"] == OVERALL) & (board["quantity"] == "score"), "estimate"
-    ]
+    of_script = board.loc[(board["row"] == "script") & (board["axis"] == OVERALL)]
+    (overall,) = of_script.loc[of_script["quantity"] == "score", "estimate"]
     assert run.data.metrics[f"score/{OVERALL}"] == pytest.approx(overall, abs=1e-5)
     scores = pd.read_csv(rows / SCORES)
     success = scores.loc[(scores["row"] == "script") & (scores["suite"] == CORE[0]), "test_success"].mean()
@@ -126,9 +125,8 @@ def test_a_row_that_lacks_a_suite_is_not_compared_on_it(table, compared):
     board = leaderboard(less, compared)
     axis = next(axis for axis, names in compared.items() if CORE[0] in names)
     for name in (OVERALL, axis):
-        assert "script" not in set(
-            board.loc[(board["axis"] == name) & board["quantity"].isin([PRACTICE, "score"]), "row"]
-        )
+        scores = board.loc[(board["axis"] == name) & board["quantity"].isin([PRACTICE, "score"])]
+        assert "script" not in set(scores["row"])
     assert "script" in set(board["row"])
 
 
@@ -157,11 +155,8 @@ def test_a_planted_cause_is_found_on_its_twins_and_on_no_control():
 
 
 def test_of_several_groups_that_differ_the_shift_is_all_of_them():
-    causes = pd.DataFrame(
-        [[group, True, effect] for group, effect in (("Mass", 0.1), ("Size", 0.2), ("all", 0.4))],
-        columns=["group", "differs", "effect"],
-    ).assign(row="mine", suite="a-v1", seed=1)
-    assert shift_effects(causes) == {("mine", "a-v1", 1): 0.4}
+    causes = pd.DataFrame({"group": ["Mass", "Size", "all"], "differs": True, "effect": [0.1, 0.2, 0.4]})
+    assert shift_effects(causes.assign(row="mine", suite="a-v1", seed=1)) == {("mine", "a-v1", 1): 0.4}
 
 
 def test_every_row_but_the_references_has_the_effect_of_the_shift_where_training_and_test_differ(table, causes):
@@ -195,9 +190,8 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
     page = (rows / PAGE).read_text()
     ranked, _, rest = page.partition("## Practice test only")
     assert "| `ahead` (not verified) | 1 |" in ranked and "| `behind` (not verified) | 2 |" in ranked
-    assert (
-        "`recorded`" not in ranked.partition("## All suites")[2] and "of 2 learners" in rest
-    )  # not of those with few seeds
+    assert "`recorded`" not in ranked.partition("## All suites")[2]
+    assert "of 2 learners" in rest  # not of those with few seeds
     assert "`recorded` (not verified)" in rest
 
 
@@ -235,9 +229,8 @@ def test_rows_that_nobody_has_verified_say_so_in_every_table(tmp_path, monkeypat
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_returns_that_are_no_numbers_are_refused_by_file_and_column(tmp_path, value):
-    with pytest.raises(
-        RunFolderError, match=r"episodes.parquet: some values in the column 'return' are absent or not fin"
-    ):
+    why = r"episodes.parquet: some values in the column 'return' are absent or not fin"
+    with pytest.raises(RunFolderError, match=why):
         report_rows(forged(tmp_path, with_returns(value)))
 
 

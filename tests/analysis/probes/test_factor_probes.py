@@ -73,20 +73,16 @@ def test_a_network_reads_what_is_bent(table):
 
 def test_a_factor_that_hardly_ever_varies_has_no_entropy_of_which_a_fraction_could_be_known(pairs):
     factors = np.where(np.arange(len(pairs.episode)) % 100 == 7, -1.0, 0.0)[:, None]
-    table = probe_factors(
-        replace(pairs, factors=factors, columns=(Column("ball", "Charge"),)), rng(), probes=("ridge",)
-    )
+    hardly = replace(pairs, factors=factors, columns=(Column("ball", "Charge"),))
+    table = probe_factors(hardly, rng(), probes=("ridge",))
     found = value(table, "ball.Charge", "fraction")
     assert np.isnan(found.estimate) and found.note == "nearly all of its values are the same" and found.entropy == 0
     assert np.isfinite(value(table, "ball.Charge", "r2").estimate)
 
 
-def test_missing_factors_are_left_out_of_their_rows_alone(pairs, table):
-    assert value(table, "tile.Heat", "r2").frames == np.isfinite(pairs.factors[:, 4]).sum()
+def test_every_row_says_what_it_rests_on(pairs, table):
+    assert value(table, "tile.Heat", "r2").frames == np.isfinite(pairs.factors[:, 4]).sum()  # of those that are there
     assert value(table, "ball.Position.x", "r2").frames == len(pairs)
-
-
-def test_every_row_says_what_it_rests_on(table):
     assert tuple(table.columns) == COLUMNS
     row = value(table, "ball.Position.x", "fraction")
     assert row.entropy == pytest.approx(np.log(8)) and row.entropy_of == "law" and row.n == EPISODES

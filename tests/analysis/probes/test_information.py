@@ -37,9 +37,8 @@ def test_shuffling_columns_finds_information_where_there_is_none():
 
 
 def test_the_critic_of_2022_is_right_where_its_marginal_is():
-    sets = [
-        pairs_of(hidden_layer(rng(s).normal(size=(1000, 6)), 256, 5), rng(s + 9).normal(size=(1000, 5))) for s in (1, 2)
-    ]
+    states = [(hidden_layer(rng(s).normal(size=(1000, 6)), 256, 5), rng(s + 9).normal(size=(1000, 5))) for s in (1, 2)]
+    sets = [pairs_of(*one) for one in states]
     train, test = mine_of_2022(*sets, rng())
     joint_train, joint_test = mine_of_2022(*sets, rng(), joint=True)
     assert train > 0.9 and test > 0.9

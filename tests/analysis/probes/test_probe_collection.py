@@ -38,10 +38,8 @@ def folder(tmp_path_factory):
 
 def test_what_varies_does_not_depend_on_the_sample(columns):
     names = [column.name for column in columns]
-    assert names == [
-        "golfball.Position.x", "golfball.Position.y", "golfball.Velocity.x", "golfball.Velocity.y",
-        "goal.Position.x", "goal.Position.y",
-    ]  # fmt: skip
+    moving = [f"golfball.{factor}.{axis}" for factor in ("Position", "Velocity") for axis in "xy"]
+    assert names == [*moving, "goal.Position.x", "goal.Position.y"]
     static = {column.name: column.is_static for column in columns}
     assert static["goal.Position.x"] and not static["golfball.Position.x"]
 
@@ -100,11 +98,10 @@ def test_a_run_s_policy_represents_its_own_levels(folder):
 def test_representations_differ_and_frames_do_not(folder):
     policy, frames = collect_run(folder, "train", frames=200, num_envs=8)
     trained = frames.pairs(policy.represent)
-    found = [
-        represent(kind, frames, trained, folder, np.random.default_rng(0)) for kind in ("random encoder", "pixel PCA")
-    ]
-    assert all(np.array_equal(pairs.factors, frames.factors) for pairs in found)
-    assert not np.array_equal(found[0].representation, trained.representation)
+    for kind in ("random encoder", "pixel PCA"):
+        found = represent(kind, frames, trained, folder, np.random.default_rng(0))
+        assert np.array_equal(found.factors, frames.factors)
+        assert not np.array_equal(found.representation, trained.representation)
 
 
 FEW = ProbeConfig(
@@ -136,9 +133,8 @@ def test_test_levels_are_not_divided_and_training_levels_are(folder):
 def test_what_is_asked_of_one_representation_changes_nothing_about_another(folder):
     alone = probe_run(folder, dataclasses.replace(FEW, paper_replicates=0, representations={"identity": ["jsd"]}))
     among = probe_run(folder, FEW)
-    pd.testing.assert_frame_equal(
-        alone[["estimate"]], among.loc[among.representation == "identity", ["estimate"]].reset_index(drop=True)
-    )
+    among = among.loc[among.representation == "identity"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(alone[["estimate"]], among[["estimate"]])
 
 
 def test_errors_name_the_culprit(folder):

@@ -9,20 +9,19 @@ import pytest
 from PIL import Image
 
 from segar.analysis.plotting import style
-from segar.analysis.plotting.figures import PAGE_WIDTH, new_figure, save_figure
-from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.plotting.figures import PAGE_WIDTH
 from segar.analysis.report.document.blocks import pieces
 from segar.analysis.report.document.pdf import BROWSERS, print_page
 from segar.analysis.report.figures import FIGURES
 from segar.analysis.report.figures.drawing import NoFigure
 from segar.analysis.report.make import SHIPPED, ReportConfig, make_report, report, track
 from segar.analysis.report.number_format import estimate_text, p_value, plain, signed, with_interval
-from segar.analysis.report.results import read_results
 from segar.analysis.stats.estimate import Estimate
 from segar.experiments.settings import ConfigError, RunFolderError, TrackingConfig
 from segar.experiments.tracking.mlflow_store import open_store
+from tests.analysis.report.conftest import stand_in
 from tests.places import ROOT
-from tests.synthetic_results import PARTS, everything, run_rows, write_results
+from tests.synthetic_results import PARTS, everything, evidence_of, run_rows, write_results
 
 SHIPPED_SCALES = sorted(path.parent for path in SHIPPED.glob("*/runs.parquet"))
 PICTURE = re.compile(r"data:image/svg\+xml;base64,[A-Za-z0-9+/=]+")
@@ -37,17 +36,12 @@ def undrawable(evidence):
     raise NoFigure("not here")
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Figures and bootstraps take seconds; some tests are not about them."""
-    monkeypatch.setattr("segar.analysis.report.claims.evidence.RESAMPLES", 100)
-
-    monkeypatch.setattr("segar.analysis.report.document.files.save_figure", stand_in)
-
-
-def stand_in(figure, path, suffixes):
-    """An empty figure in place of one whose drawing takes long."""
-    return save_figure(new_figure(1, 1), path, suffixes)
+def page_of(folder, tables=None):
+    """The page of the report on tables in a folder."""
+    if tables is not None:
+        write_results(folder, tables)
+    make_report(ReportConfig(str(folder)))
+    return (folder / "report.html").read_text()
 
 
 # Drawing takes most of the time: of the larger scales, only the slow tests draw.
@@ -72,11 +66,11 @@ def again(request, tmp_path_factory):
 def test_the_shipped_tables_give_the_shipped_numbers(again):
     shipped, made = again
     names = {str(path.relative_to(made.folder)) for path in made.files}
-    there = {
-        str(path.relative_to(shipped)) for folder in ("figures", "statistics") for path in (shipped / folder).iterdir()
-    }
-    assert {name for name in names if name.endswith((".csv", ".md"))} == {"findings.md", "claims.csv", *there}
-    for name in sorted({"findings.md", "claims.csv", *there}):
+    folders = (shipped / "figures", shipped / "statistics")
+    there = {str(path.relative_to(shipped)) for folder in folders for path in folder.iterdir()}
+    there |= {"findings.md", "claims.csv"}
+    assert {name for name in names if name.endswith((".csv", ".md"))} == there
+    for name in sorted(there):
         assert (made.folder / name).read_text() == (shipped / name).read_text(), name
 
 
@@ -153,22 +147,18 @@ def test_all_experiments_find_their_place(tmp_path, undrawn):
     assert "SAC and PPO: several algorithms were not run" in page
 
 
-def test_each_group_of_factors_gets_its_part_of_the_gap(tmp_path):
+def test_each_group_of_factors_gets_its_part_of_the_gap_of_runs_with_all_combinations(tmp_path):
     tables = everything(np.random.default_rng(3))
-    evidence = Evidence(read_results(write_results(tmp_path / "standard-1", tables)))
+    evidence = evidence_of(tmp_path / "standard-1", tables)
     found = evidence.attribution
     assert len(found) == 3 * 3 * 5 * 3  # families, seeds, numbers of levels, groups
     for group, part in PARTS.items():
         rows = found[found["group"] == group]
         np.testing.assert_allclose(rows["part"], part * rows["gap"])
     assert set(evidence.results.between["test_changed"]).isdisjoint(evidence.results.moved["test_changed"])
-
-
-def test_a_run_without_all_combinations_is_left_out_of_the_attribution(tmp_path):
-    tables = everything(np.random.default_rng(3))
     tables["transfers"] = tables["transfers"].iloc[:-1]  # rest and properties, of the last run
-    evidence = Evidence(read_results(write_results(tmp_path / "standard-1", tables)))
-    assert len(evidence.attribution) == 3 * (3 * 3 * 5 - 1)
+    less = evidence_of(tmp_path / "standard-1", tables)
+    assert len(less.attribution) == len(found) - 3  # a run without all combinations is left out
 
 
 def test_one_figure_alone_is_drawn(tmp_path, capsys):
@@ -183,9 +173,7 @@ def test_one_figure_alone_is_drawn(tmp_path, capsys):
 
 @pytest.mark.parametrize("runs", [1, 4])
 def test_a_handful_of_runs_is_reported_too(tmp_path, undrawn, runs):
-    folder = write_results(tmp_path, {"runs": few_runs().iloc[[0, 5, 10, 1]].head(runs).reset_index(drop=True)})
-    make_report(ReportConfig(str(folder)))
-    page = (folder / "report.html").read_text()
+    page = page_of(tmp_path, {"runs": few_runs().iloc[[0, 5, 10, 1]].head(runs).reset_index(drop=True)})
     assert f"{runs} run" in page
 
 
@@ -197,22 +185,15 @@ def test_the_smallest_scale_and_a_reproduction_that_goes_on_are_marked_as_prelim
         missing.to_csv(folder / "missing.csv", index=False)
         if plan:
             (folder / "plan.json").write_text(json.dumps(plan))
-        make_report(ReportConfig(str(folder)))
-        page = (folder / "report.html").read_text()
+        page = page_of(folder)
         assert "<strong>Preliminary.</strong>" in page and says in page
-    (folder / "plan.json").unlink()  # tables that are shipped
-    make_report(ReportConfig(str(folder)))
-    assert "Preliminary" not in (folder / "report.html").read_text()
 
 
 def test_versions_and_seeds_of_the_runs_are_said(tmp_path, undrawn):
     runs = pd.concat([few_runs().assign(seed=seed, commit=f"{seed}" * 40) for seed in (4, 7)], ignore_index=True)
     runs["code"] = np.where(runs["seed"] == 4, "f0u2", "5even")
-    folder = write_results(
-        tmp_path, {"runs": runs.assign(libraries="python 3.11.7, torch 2.13.0", computed_with="AVX512, bf16")}
-    )
-    make_report(ReportConfig(str(folder)))
-    page = (folder / "report.html").read_text()
+    runs = runs.assign(libraries="python 3.11.7, torch 2.13.0", computed_with="AVX512, bf16")
+    page = page_of(tmp_path, {"runs": runs})
     assert "Libraries: python 3.11.7, torch 2.13.0." in page
     assert "Computed with: AVX512, bf16." in page
     assert "made by several versions of the code" in page
@@ -222,15 +203,9 @@ def test_versions_and_seeds_of_the_runs_are_said(tmp_path, undrawn):
 
 
 def test_the_settings_of_the_main_grid_are_those_that_its_tables_state(tmp_path, undrawn):
-    runs = few_runs()
-    folder = write_results(tmp_path / "quick-1234", {"runs": runs})
-    make_report(ReportConfig(str(folder)))
-    unknown = (folder / "report.html").read_text()
-    assert "unknown: these tables do not state algorithm.gamma" in unknown
     stated = {"algorithm.gamma": "0.95", "algorithm.encoder": "impala", "algorithm.reward_transform": "none"}
-    folder = write_results(tmp_path / "quick-5678", {"runs": runs.assign(**stated, observation="textures")})
-    make_report(ReportConfig(str(folder)))
-    page = re.sub("<[^>]+>", " ", (folder / "report.html").read_text())
+    tables = {"runs": few_runs().assign(**stated, observation="textures")}
+    page = re.sub("<[^>]+>", " ", page_of(tmp_path / "quick-5678", tables))
     assert re.search(r"gamma\s+0\.999\s+0\.95\s", page)
     assert re.search(r"reward\s+-d² and -100 on death, as it is\s+the same\s", page)
     assert re.search(r"encoder\s+IMPALA CNN\s+IMPALA CNN\s", page)
@@ -238,23 +213,17 @@ def test_the_settings_of_the_main_grid_are_those_that_its_tables_state(tmp_path,
     assert re.search(r"episodes on training levels\s+10\s+120\s", page)
 
 
-def test_what_is_missing_from_no_named_experiment_is_refused(tmp_path):
-    folder = write_results(tmp_path, {"runs": few_runs()})
-    (folder / "missing.csv").write_text("run,reason\nempty-hard-n1,not begun\n")
-    with pytest.raises(RunFolderError, match="has no column 'name'"):
-        make_report(ReportConfig(str(folder)))
-
-
 def test_much_that_is_missing_is_summed_up_by_experiments(tmp_path, undrawn):
     folder = write_results(tmp_path, {"runs": few_runs()})
-    lines = [f"a-s{seed},not begun,figure_3a,Grid" for seed in range(7)] + [
-        "b,the imported tables lack probes,memory,Memory"
-    ]
-    lines += ["b,the imported tables lack transfer-x,memory,Memory", "c,not finished,memory,Memory"]
+    lines = [f"a-s{seed},not begun,figure_3a,Grid" for seed in range(7)]
+    lines += [f"b,the imported tables lack {what},memory,Memory" for what in ("probes", "transfer-x")]
+    lines += ["c,not finished,memory,Memory"]
     (folder / "missing.csv").write_text("\n".join(["run,reason,name,experiment", *lines]))
     (folder / "figures").mkdir()
     (folder / "figures" / "of_an_earlier_report.png").touch()
-    make_report(ReportConfig(str(folder)))
+    page = page_of(folder)
+    assert "Preliminary" not in page, "tables without a plan are shipped"
+    assert "unknown: these tables do not state algorithm.gamma" in page
     assert not (folder / "figures" / "of_an_earlier_report.png").exists()
     found = (folder / "findings.md").read_text()
     assert "| `figure_3a` | Grid | 7 | 0 | 0.7 |" in found  # a run took 0.1 hours
@@ -273,26 +242,26 @@ def test_mlflow_gets_the_numbers_and_the_files_once(tmp_path, undrawn):
     assert run.data.metrics["runs"] == 15
     pooled = report.subject.evidence.of_main("exact", "gap", "pooled")
     assert run.data.metrics["exact/pooled/pearson"] == pytest.approx(pooled.estimate)
-    there = {
-        entry.path
-        for place in (None, "figures", "statistics")
-        for entry in client.list_artifacts(run.info.run_id, place)
-    }
+    places = (None, "figures", "statistics")
+    there = {entry.path for place in places for entry in client.list_artifacts(run.info.run_id, place)}
     assert {str(path.relative_to(folder)) for path in report.files} <= there
 
 
 def test_what_is_wrong_with_the_tables_is_said(tmp_path):
-    with pytest.raises(
-        RunFolderError, match=r"holds no runs.parquet. Name a folder of tables, such as docs/results/quick"
-    ):
-        make_report(ReportConfig(str(tmp_path)))
     runs = few_runs()
-    with pytest.raises(RunFolderError, match="has no column 'w2_exact'"):
-        make_report(ReportConfig(str(write_results(tmp_path, {"runs": runs.drop(columns="w2_exact")}))))
-    with pytest.raises(RunFolderError, match="has no rows: no run is finished"):
-        make_report(ReportConfig(str(write_results(tmp_path, {"runs": runs.head(0)}))))
+    for tables, why in (
+        (None, r"holds no runs.parquet. Name a folder of tables, such as docs/results/quick"),
+        ({"runs": runs.drop(columns="w2_exact")}, "has no column 'w2_exact'"),
+        ({"runs": runs.head(0)}, "has no rows: no run is finished"),
+    ):
+        with pytest.raises(RunFolderError, match=why):
+            page_of(tmp_path, tables)
+    write_results(tmp_path, {"runs": runs})
     with pytest.raises(ConfigError, match=r"only: 'figure_3' is unknown\. Did you mean 'figure_3"):
-        make_report(ReportConfig(str(write_results(tmp_path, {"runs": runs})), only=("figure_3",)))
+        make_report(ReportConfig(str(tmp_path), only=("figure_3",)))
+    (tmp_path / "missing.csv").write_text("run,reason\nempty-hard-n1,not begun\n")
+    with pytest.raises(RunFolderError, match="has no column 'name'"):
+        page_of(tmp_path)
 
 
 @pytest.mark.parametrize(

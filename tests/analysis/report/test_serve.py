@@ -18,19 +18,19 @@ PAGE = """<figure id="figure_3a">
 """
 
 
-@pytest.fixture
-def client(tmp_path, monkeypatch):
-    run(short_run(tmp_path / "runs" / "agent"), print)
-    (tmp_path / "plan.json").write_text(json.dumps({"runs": str(tmp_path / "runs")}))
-    (tmp_path / "figures").mkdir()
-    (tmp_path / "figures" / "figure_3a.svg").write_text(
-        '<?xml version="1.0"?>\n<svg><a xlink:href="play/agent"/></svg>'
-    )
-    (tmp_path / "figures" / "figure_2.svg").write_text("<svg></svg>")
-    (tmp_path / "report.html").write_text(PAGE)
+@pytest.fixture(scope="module")
+def client(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    run(short_run(folder / "runs" / "agent"), print)
+    (folder / "plan.json").write_text(json.dumps({"runs": str(folder / "runs")}))
+    (folder / "figures").mkdir()
+    (folder / "figures" / "figure_3a.svg").write_text('<?xml version="1.0"?>\n<svg><a xlink:href="play/agent"/></svg>')
+    (folder / "figures" / "figure_2.svg").write_text("<svg></svg>")
+    (folder / "report.html").write_text(PAGE)
     apps = []
-    monkeypatch.setattr(uvicorn, "run", lambda app, **options: apps.append((app, options["host"])))
-    report(ReportConfig(str(tmp_path), serve=True))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(uvicorn, "run", lambda app, **options: apps.append((app, options["host"])))
+        report(ReportConfig(str(folder), serve=True))
     ((app, host),) = apps
     assert host == "127.0.0.1"
     return TestClient(app, base_url="http://127.0.0.1")

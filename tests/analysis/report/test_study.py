@@ -17,27 +17,16 @@ from segar.analysis.report.study.reading import read_study
 from segar.analysis.stats.estimate import Estimate
 from segar.experiments.commands.config_store import register_settings
 from segar.experiments.commands.hydra_app import compose_data, initialized
-from segar.experiments.levels.builders import make_levels
 from segar.experiments.reproduce import SETTINGS, with_sweep_tag, write_plan
 from segar.experiments.reproduction.experiment_file import ClaimConfig
 from segar.experiments.reproduction.plan import make_plan
-from segar.experiments.runs.run_folder import (
-    EPISODE_SCHEMA,
-    EPISODES,
-    LEVELS_TEST,
-    LEVELS_TRAIN,
-    SUMMARY,
-    folder_path,
-    read_summary,
-    write_json,
-    write_rows,
-)
+from segar.experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, SUMMARY, folder_path, read_summary, write_json
 from segar.experiments.runs.trust import TRUSTED
-from segar.experiments.settings import ConfigError, RunFolderError, as_data
+from segar.experiments.settings import ConfigError, RunFolderError
 from segar.experiments.study import build, study_of
 from segar.levels import Levels
 from segar.metrics import spread, w2
-from tests.synthetic_runs import episodes, write_run
+from tests.synthetic_runs import write_run, write_transfer
 
 STUDY = {
     "title": "Planted effects",
@@ -56,7 +45,7 @@ STUDY = {
 }  # fmt: skip
 
 
-def planted(work):
+def planted(work, level_files=False):
     """Stands for training: the gap is -4 W2, and 2 worse with the larger gamma; chance is that of the level set.
 
     A little noise is each run's own: differences that are equal in all blocks would have no interval.
@@ -66,13 +55,10 @@ def planted(work):
     noise = np.random.default_rng(list(folder_path(run).name.encode())).normal()
     w2 = run.levels.count**-0.3 * (1 + 0.1 * rng.normal())
     cost = 2.0 if run.algorithm.gamma == 0.99 else 0.0
-    write_run(run, gap=-4 * w2 - cost + 0.1 * rng.normal() + 0.01 * noise, w2=w2 / 2)
+    gap = -4 * w2 - cost + 0.1 * rng.normal() + 0.01 * noise
+    write_run(run, gap=gap, w2=w2 / 2, level_files=level_files)
     for transfer in work.transfers:
-        out = transfer.folder(run)
-        out.mkdir(parents=True)
-        write_rows(out / EPISODES, [row for row in episodes(run, -9.0) if row["levels"] == "test"], EPISODE_SCHEMA)
-        write_json(out / SUMMARY, {"transfer": as_data(transfer), "w2/exact": 3.0, "ks": 0.5})
-    return {}
+        write_transfer(transfer, run, -9.0)
 
 
 def made(tmp_path, data=STUDY, work_off=planted):
@@ -112,21 +98,28 @@ def test_planted_effects_are_found_and_their_absence_too(folder):
     assert (float(found["far"]["estimate"]), found["far"]["n"]) == (pytest.approx((own - 9.0) / 2, abs=1e-3), "48")
     page = (folder / "report.html").read_text()
     assert "✓ holds" in page and "reproduced</b>" not in page
+    rules = page[page.index('<h2 id="how-verdicts-are-decided"') :]
+    assert "there a block is a whole panel" in rules and "3 level sets or panels" in rules
+    assert not re.search(r"3a|4b|Holm|attribution|explained", rules)
     assert all(
         (folder / "figures" / f"{name}.png").exists() for name in ("gap_against_distance", "success", "gap", "curves")
     )
 
 
-def test_kinds_of_agents_and_blocks_are_those_of_the_study(folder):
-    study = read_study(folder)
+def claimed(study, test, expected="negative", **claim):
+    """A claim of these words about the runs of a study."""
+    return claim_of(study, "mine", ClaimConfig("x", test, expected, **claim))
+
+
+@pytest.fixture(scope="module")
+def study(folder):
+    return read_study(folder)
+
+
+def test_kinds_of_agents_and_blocks_are_those_of_the_study(study):
     assert study.agents == ["gamma=0.9", "gamma=0.99"]
     assert study.panels == ["empty-easy", "empty-hard"]
-    claim = claim_of(
-        study,
-        "gamma",
-        ClaimConfig(says="", test="difference", expected="negative", between={"algorithm.gamma": [0.99, 0.9]}),
-    )
-    assert "24 rows in 12 blocks" in claim.note
+    assert "24 rows in 12 blocks" in claimed(study, "difference", between={"algorithm.gamma": [0.99, 0.9]}).note
 
 
 @pytest.mark.parametrize(
@@ -135,19 +128,27 @@ def test_kinds_of_agents_and_blocks_are_those_of_the_study(folder):
         ({"test": "mean", "of": "gapp"}, "claims.mine: of: the runs have no column 'gapp'. Did you mean"),
         (
             {"test": "mean", "tested_on": "empty-medium"},
-            "tested_on: no agent was tested on 'empty-medium'. Did you mean 'empty-hard'?",
+            "no agent was tested on 'empty-medium'. Did you mean 'empty-hard'?",
         ),
-        (
-            {"test": f"{__name__}:upside_down"},
-            f"claims.mine: test: {__name__}:upside_down returns an interval from 0.6 to 0.4",
-        ),
+        ({"test": f"{__name__}:upside_down"}, f"{__name__}:upside_down returns an interval from 0.6 to 0.4"),
         ({"test": f"{__name__}:wrong"}, f"claims.mine: test: {__name__}:wrong raises KeyError: 'no such column'"),
+        ({"test": "correlation", "against": "gap_deterministic"}, "a column has no correlation with itself"),
+        ({"test": "correlation", "given": ("w2_exact",)}, "a column has no correlation with itself"),
+        (
+            {"test": "mean", "of": "results/velocity_test"},
+            "Only results that are one number or truth per environment have",
+        ),
     ],
 )
-def test_a_claim_that_these_runs_cannot_decide_is_told(folder, claim, message):
+def test_a_claim_that_these_runs_cannot_decide_is_told(study, claim, message):
     with pytest.raises(ConfigError) as caught:
-        claim_of(read_study(folder), "mine", ClaimConfig(says="", expected="negative", **claim))
+        claimed(study, **claim)
     assert message in str(caught.value)
+
+
+def test_a_column_is_not_correlated_with_itself():
+    with pytest.raises(ConfigError, match="it must be another column than those that it is correlated with"):
+        ClaimConfig("x", "correlation", "none", of="n", given=("n",))
 
 
 @pytest.mark.slow
@@ -186,18 +187,13 @@ def test_a_claim_about_what_no_run_of_the_plan_has_ends_the_plan(tmp_path, claim
 
 def with_levels(work):
     """:func:`planted`, with the levels in files and a result of the task's own."""
-    planted(work)
+    planted(work, level_files=True)
     run = work.run
-    folder = folder_path(run)
-    train, test = make_levels(run.levels)
-    train.save(folder / LEVELS_TRAIN)
-    test.save(folder / LEVELS_TEST)
-    for place in (folder, *(transfer.folder(run) for transfer in work.transfers)):
+    for place in (folder_path(run), *(transfer.folder(run) for transfer in work.transfers)):
         left = {"evaluation/test/results/distance_to_goal/deterministic": float(run.levels.count)}
         write_json(place / SUMMARY, {**read_summary(place), **left})
     for transfer in work.transfers:
         transfer.levels(run).save(transfer.folder(run) / "levels.npz")
-    return {}
 
 
 SMALL = {
@@ -205,12 +201,7 @@ SMALL = {
     "settings": {**STUDY["settings"], "levels.test_count": 5},
     "grid": {"families": ["empty-easy"], "counts": [1, 3], "seeds": 3},
     "claims": {
-        "left": {
-            "says": "More is left.",
-            "test": "mean",
-            "of": "results/distance_to_goal_test",
-            "expected": "positive",
-        },
+        "left": {"says": "More", "test": "mean", "of": "results/distance_to_goal_test", "expected": "positive"},
         "far": {"says": "Farther is worse.", "test": "correlation", "expected": "negative"},
         "own_unit": {"says": "The same.", "test": "correlation", "against": "w2_exact", "expected": "negative"},
     },
@@ -228,8 +219,7 @@ def test_w2_of_a_study_with_a_transfer_is_in_one_unit_and_so_are_its_claims(tmp_
             (test,) = run.glob(there)
             expected = w2(Levels.load(run / LEVELS_TRAIN), Levels.load(test), scale=unit)
             assert row["w2_exact_common"] == pytest.approx(expected)
-    claim = claim_of(study, "far", ClaimConfig("x", "correlation", "negative"))
-    assert claim.findings[0].test == "gap against w2_exact_common"
+    assert claimed(study, "correlation").findings[0].test == "gap against w2_exact_common"
     report_results(folder)
     page = (folder / "report.html").read_text()
     assert "in one unit: standard deviations over all distributions of the study" in page
@@ -237,11 +227,8 @@ def test_w2_of_a_study_with_a_transfer_is_in_one_unit_and_so_are_its_claims(tmp_
 
 
 def test_results_of_the_task_are_columns_of_claims(tmp_path):
-    claim = claim_of(
-        read_study(made(tmp_path, SMALL, with_levels)),
-        "left",
-        ClaimConfig("x", "mean", "positive", of="results/distance_to_goal_test"),
-    )
+    study = read_study(made(tmp_path, SMALL, with_levels))
+    claim = claimed(study, "mean", "positive", of="results/distance_to_goal_test")
     assert claim.findings[0].found.estimate == pytest.approx(2.0)
 
 
@@ -250,7 +237,7 @@ def test_more_test_levels_make_no_more_blocks_and_two_blocks_no_interval(tmp_pat
     for seeds, note in ((2, "2 level sets: no interval"), (3, "12 rows in 3 blocks")):
         grid = {"families": ["empty-easy"], "counts": [1, 10], "seeds": seeds, **tests}
         study = read_study(made(tmp_path / str(seeds), {**STUDY, "grid": grid, "claims": {}}))
-        finding = claim_of(study, "mine", ClaimConfig("x", "correlation", "negative", against="w2_exact")).findings[0]
+        (finding,) = claimed(study, "correlation", against="w2_exact").findings
         assert finding.found.note == note
         assert np.isnan(finding.found.low) == (seeds == 2) and (finding.verdict == "cannot be tested") == (seeds == 2)
 
@@ -266,18 +253,9 @@ def test_a_correlation_that_compares_panels_has_panels_as_blocks_and_needs_three
         study = read_study(made(tmp_path / str(len(families)), {**STUDY, "grid": grid, "claims": {}, "transfers": []}))
         notes = {(): whole, ("log_n",): whole, ("agent",): whole, ("panel",): within, ("cell",): within}
         for given, note in notes.items():
-            asked = ClaimConfig("x", "correlation", "negative", against="w2_exact", given=given)
-            claim = claim_of(study, "mine", asked)
+            claim = claimed(study, "correlation", against="w2_exact", given=given)
             assert claim.findings[0].found.note == note, given
             assert (claim.verdict("tested") == "cannot be tested") == note.startswith("2 panels")
-
-
-def test_the_report_of_a_study_states_the_rules_of_its_claims_and_no_others(folder):
-    report_results(folder)
-    page = (folder / "report.html").read_text()
-    rules = page[page.index('<h2 id="how-verdicts-are-decided"') :]
-    assert "there a block is a whole panel" in rules and "3 level sets or panels" in rules
-    assert not re.search(r"3a|4b|Holm|attribution|explained", rules)
 
 
 @pytest.mark.slow
@@ -291,28 +269,27 @@ def test_agents_that_are_tested_on_the_levels_of_a_transfer_anyway_count_with_th
     own = rows[rows["difficulty"] == "hard"].set_index("run")["gap"]
     assert own.equals(study.runs[study.runs["difficulty"] == "hard"].set_index("run")["gap"].loc[own.index])
     np.testing.assert_allclose(rows[rows["difficulty"] == "easy"]["gap"], -9.0)
-    assert claim_of(study, "there", ClaimConfig("x", expected="positive", **claim)).findings[0].found.n == 24
-    settings = {**STUDY["settings"], "levels.test": "empty-medium"}
-    with pytest.raises(
-        ConfigError, match="no agent with difficulty=hard is tested on 'empty-hard': its own test levels"
-    ):
+    assert claimed(study, expected="positive", **claim).findings[0].found.n == 24
+    settings, why = {**STUDY["settings"], "levels.test": "empty-medium"}, "its own test levels"
+    with pytest.raises(ConfigError, match=f"no agent with difficulty=hard is tested on 'empty-hard': {why}"):
         made(tmp_path / "others", {**STUDY, "settings": settings, "claims": claims})
 
 
 @pytest.mark.parametrize(("held", "sets", "said"), [(3, 1, "gave the same levels"), (4, 3, "level sets share levels")])
-def test_seeds_that_give_all_levels_of_a_file_are_one_level_set_and_shared_levels_are_told(tmp_path, held, sets, said):
+def test_seeds_that_give_all_levels_of_a_file_are_one_level_set_and_shared_levels_are_told(
+    tmp_path, undrawn, held, sets, said
+):
     """The study's file names the level file beside it."""
     segar.family("empty-easy").sample(held, seed=0).save(tmp_path / "few.npz")
     settings = {**STUDY["settings"], "levels.test_count": 5, "levels.test": "empty-hard"}
     vary = {"algorithm.gamma": [0.9, 0.99]}
     grid = {"families": ["few.npz"], "counts": [3], "seeds": 2, "level_sets": 3, "vary": vary}
     claims = {"gamma": STUDY["claims"]["gamma"]}
-    folder = made(
-        tmp_path, {**STUDY, "settings": settings, "grid": grid, "claims": claims, "transfers": []}, with_levels
-    )
+    data = {**STUDY, "settings": settings, "grid": grid, "claims": claims, "transfers": []}
+    folder = made(tmp_path, data, with_levels)
     study = read_study(folder)
     assert len(set(study.runs["seed"])) == sets
-    found = claim_of(study, "gamma", ClaimConfig("x", "difference", "negative", between=vary)).findings[0].found
+    found = claimed(study, "difference", between=vary).findings[0].found
     assert found.n == 6 and np.isfinite(found.low) == (sets == 3)  # pairs of all agents on all seeds of levels
     report_results(folder)
     assert said in (folder / "report.html").read_text()
@@ -356,9 +333,8 @@ def test_the_runs_of_a_curve_have_the_same_windows_and_points_of_all_of_them():
     }  # fmt: skip
     assert set(of_all_runs(found)["frames"]) == {40.0}
     other = found.assign(panel="q")
-    assert len(of_all_runs(pd.concat([found, other], ignore_index=True))) == 6, (
-        "curves of other panels count by themselves"
-    )
+    both = of_all_runs(pd.concat([found, other], ignore_index=True))
+    assert len(both) == 6, "curves of other panels count by themselves"
 
 
 OPTIONS = {"title": "x", "settings": STUDY["settings"], "claims": {}}
@@ -378,8 +354,7 @@ def test_values_of_an_option_are_compared_by_their_own_name_and_by_the_whole(tmp
     study = read_study(folder)
     assert study.agents == agents
     for between in ({group: sorted(set(study.runs[group]))}, {name: values}):
-        claim = ClaimConfig("x", "difference", "none", between=between)
-        assert claim_of(study, "mine", claim).findings[0].found.n == 6
+        assert claimed(study, "difference", "none", between=between).findings[0].found.n == 6
 
 
 def test_a_claim_of_pairs_that_no_runs_make_ends_the_plan(tmp_path):
@@ -394,23 +369,9 @@ def test_a_claim_of_pairs_that_no_runs_make_ends_the_plan(tmp_path):
         made(tmp_path / "where", {**OPTIONS, "grid": grid, "claims": claims})
 
 
-def test_a_study_has_no_gate_and_says_so(folder):
-    claim = claim_of(read_study(folder), "mine", ClaimConfig("x", "mean", "negative"))
+def test_a_study_has_no_gate_and_says_so(study):
+    claim = claimed(study, "mean")
     assert claim.findings[0].runs == "all runs" and claim.verdict("tested") == "supported"
-
-
-def test_a_column_is_not_correlated_with_itself(folder):
-    with pytest.raises(ConfigError, match="it must be another column than those that it is correlated with"):
-        ClaimConfig("x", "correlation", "none", of="n", given=("n",))
-    for claim in ({"against": "gap_deterministic"}, {"given": ("w2_exact",)}):
-        with pytest.raises(ConfigError, match="a column has no correlation with itself"):
-            claim_of(read_study(folder), "mine", ClaimConfig("x", "correlation", "none", **claim))
-
-
-def test_a_result_that_is_no_single_number_is_told_as_one(folder):
-    claim = ClaimConfig("x", "mean", "none", of="results/velocity_test")
-    with pytest.raises(ConfigError, match="Only results that are one number or truth per environment have columns"):
-        claim_of(read_study(folder), "mine", claim)
 
 
 def test_crossed_level_sets_have_a_seed_in_every_row(tmp_path):
@@ -420,8 +381,8 @@ def test_crossed_level_sets_have_a_seed_in_every_row(tmp_path):
     assert sorted(zip(table["seed"], table["levels.seed"], strict=True)) == [(1, 1), (1, 2), (2, 1), (2, 2)]
 
 
-def test_success_has_a_line_for_training_and_one_for_test_levels_inside_the_axes(folder):
-    drawn = success(read_study(folder))
+def test_success_has_a_line_for_training_and_one_for_test_levels_inside_the_axes(study):
+    drawn = success(study)
     lows, highs = drawn.table["low"], drawn.table["high"]
     assert (lows.dropna() >= 0).all() and (highs.dropna() <= 1).all()
     labels = [text.get_text() for text in drawn.figure.legends[0].get_texts()]
@@ -442,15 +403,16 @@ def wrong(runs):
     raise KeyError("no such column")
 
 
-def test_a_test_of_ones_own_gets_the_runs_and_returns_an_estimate(folder):
-    claim = claim_of(read_study(folder), "mine", ClaimConfig(says="", test=f"{__name__}:half", expected="positive"))
+def test_a_test_of_ones_own_gets_the_runs_and_returns_an_estimate(study):
+    claim = claimed(study, f"{__name__}:half", "positive")
     assert claim.verdict("tested") == "supported"
     assert claim.findings[0].found.n == 48
 
 
 def test_the_study_of_somebody_else_imports_nothing_without_trust(tmp_path, monkeypatch):
     claims = {"mine": {"says": "x", "test": f"{__name__}:half", "expected": "positive"}}
-    folder = made(tmp_path, {**STUDY, "claims": claims})
+    grid = {"families": ["empty-easy"], "counts": [1], "seeds": 3}
+    folder = made(tmp_path, {**STUDY, "grid": grid, "claims": claims, "transfers": []})
     path = folder / "study.yaml"
     path.write_text(path.read_text().replace("Planted effects", "Other effects"))
     with pytest.raises(RunFolderError, match="was not written by you"):
@@ -459,8 +421,9 @@ def test_the_study_of_somebody_else_imports_nothing_without_trust(tmp_path, monk
     read_study(folder)
 
 
-def test_level_sets_that_agents_share_count_once(tmp_path):
+def test_level_sets_that_agents_share_count_once(tmp_path, undrawn):
     data = {**STUDY, "grid": {**STUDY["grid"], "seeds": 3, "level_sets": 2, "families": ["empty-easy"]}, "claims": {}}
+    data["transfers"] = []
     folder = made(tmp_path, data)
     report_results(folder)
     page = (folder / "report.html").read_text()

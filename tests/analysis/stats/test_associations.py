@@ -22,22 +22,20 @@ def runs():
     return grid(np.random.default_rng(0), seeds=3)
 
 
-def test_there_is_a_row_for_every_question(runs):
-    found = associations(runs, "w2", "gap")
+@pytest.fixture(scope="module")
+def found(runs):
+    return associations(runs, "w2", "gap")
+
+
+def test_there_is_a_row_for_every_question(found):
     columns = "test panel method outliers removed estimate low high n p level note p_holm"
     assert " ".join(found.columns) == columns
-    assert list(dict.fromkeys(found["test"])) == [
-        "pooled",
-        "given panel",
-        "given panel and log n",
-        "given cell",
-        "within",
-    ]
+    tests = ["pooled", "given panel", "given panel and log n", "given cell", "within"]
+    assert list(dict.fromkeys(found["test"])) == tests
     assert len(found) == (4 + 9) * 2 * 3  # tests and panels, methods, outlier rules
 
 
-def test_pooled_and_within_are_scipys(runs):
-    found = associations(runs, "w2", "gap")
+def test_pooled_and_within_are_scipys(runs, found):
     pooled = one(found, test="pooled", method="spearman", outliers="kept")
     expected = stats.spearmanr(runs["w2"], runs["gap"])
     assert (pooled.estimate, pooled.p) == pytest.approx((expected.statistic, expected.pvalue))
@@ -58,20 +56,10 @@ def test_an_effect_of_n_that_is_not_linear_in_its_logarithm_is_no_effect_of_w2_o
     assert cell.low < 0 < cell.high
 
 
-def test_of_one_run_per_cell_there_is_nothing_left():
-    found = associations(grid(np.random.default_rng(3), seeds=1), "w2", "gap")
-    cell = one(found, test="given cell", method="pearson", outliers="kept")
-    assert np.isnan(cell.estimate) and "too few for" in cell.note
-
-
-def test_panels_are_corrected_together_and_other_tests_are_not(runs):
-    found = associations(runs, "w2", "gap")
+def test_panels_are_corrected_together_and_other_tests_are_not(found):
     within = found[(found.test == "within") & (found.method == "pearson") & (found.outliers == "kept")]
     assert within.p_holm.to_numpy() == pytest.approx(multipletests(within.p, method="holm")[1])
     assert found[found.test != "within"].p_holm.isna().all()
-
-
-def test_holm_leaves_out_what_is_missing():
     assert holm([0.01, np.nan, 0.04]) == pytest.approx([0.02, np.nan, 0.04], nan_ok=True)
 
 
@@ -87,9 +75,11 @@ def test_the_two_outlier_rules_find_different_points(runs):
 
 
 def test_what_cannot_be_computed_has_a_note():
-    runs = grid(np.random.default_rng(3))
+    runs = grid(np.random.default_rng(3))  # one run in each cell
     runs.loc[runs.family == "empty", "gap"] = 1.0
     found = associations(runs, "w2", "gap")
+    cell = one(found, test="given cell", method="pearson", outliers="kept")
+    assert np.isnan(cell.estimate) and "too few for" in cell.note
     silent = one(found, test="within", panel="empty-easy", method="pearson", outliers="kept")
     assert np.isnan(silent.estimate) and silent.note == "all points have the same value"
 

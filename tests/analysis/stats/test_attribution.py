@@ -106,9 +106,8 @@ def played(play, train, test, groups=GROUPS):
 def test_shapley_gives_each_part_of_a_sum_to_its_group(sets):
     train, test = sets
     found = shapley_of_pairs(played(additive, train, test), NAMES)
-    assert found["position"].to_numpy() == pytest.approx(
-        -3 * (column(test, "goal", Position) - column(train, "goal", Position))
-    )
+    moved = column(test, "goal", Position) - column(train, "goal", Position)
+    assert found["position"].to_numpy() == pytest.approx(-3 * moved)
     assert found[REST].to_numpy() == pytest.approx(0, abs=1e-12)
     assert found[NAMES].sum(axis=1).to_numpy() == pytest.approx(found["total"].to_numpy())
 
@@ -125,13 +124,10 @@ def test_shapley_divides_an_interaction_evenly(sets):
     assert (found["position"] == 0.5).all() and (found["size"] == 0.5).all() and (found[REST] == 0).all()
 
 
-def test_groups_that_overlap_or_name_nothing_are_refused(sets):
+def test_groups_that_overlap_or_name_nothing_and_a_design_with_a_hole_are_refused(sets):
     with pytest.raises(LevelError, match="groups 'a' and 'b'"):
         mixed_levels(*sets, {"a": [Size], "b": ["Size"]}, {})
     with pytest.raises(LevelError, match="no factor or parameter 'Sise'"):
         mixed_levels(*sets, {"a": ["Sise"]}, {})
-
-
-def test_a_design_with_a_hole_is_refused(sets):
     with pytest.raises(SegarError, match="all 8 combinations"):
         shapley_of_pairs(played(additive, *sets)[1:], NAMES)

@@ -50,10 +50,13 @@ def test_clusters_with_one_mean_have_no_interval(values):
     assert np.isnan([found.low, found.high, found.p]).all() and found.note == "all units are alike: no interval"
 
 
-@pytest.mark.parametrize("points", [3, 5, 7, 9, 12])
+@pytest.mark.parametrize("points", [3, 4, 5, 7, 9, 12])
 def test_a_perfect_correlation_has_no_interval_and_the_p_of_its_order_among_all(points):
     x = np.arange(float(points))
-    for found in (correlate(x, 3 - 2 * x).pearson, correlate(x, np.exp(x)).spearman):
+    ordered = correlate(x, np.exp(x)).spearman
+    assert ordered.note == "points in perfect order have no interval"
+    for found, r in ((correlate(x, 3 - 2 * x).pearson, -1), (ordered, 1)):
+        assert found.estimate == pytest.approx(r)
         assert np.isnan([found.low, found.high]).all() and found.note
         assert found.p == pytest.approx(2 / np.prod(np.arange(1.0, points + 1)))
     table = pd.DataFrame({"cluster": np.arange(points), "x": x, "y": 2 * x})
@@ -71,9 +74,8 @@ def test_scores_of_one_or_two_runs_have_no_interval(count):
         assert found[["low", "high"]].isna().all(axis=None)
         assert set(found["note"]) == {f"{count} seed{'s' * (count > 1)}: no interval"}
     better = probability_of_improvement(table, "score", "a", "b", rng(), task=["task"])
-    assert (
-        better.estimate == 1.0 and np.isnan([better.low, better.high, better.p]).all() and "no interval" in better.note
-    )
+    assert better.estimate == 1.0 and "no interval" in better.note
+    assert np.isnan([better.low, better.high, better.p]).all()
 
 
 def test_equal_scores_have_no_interval_of_their_mean():
@@ -85,9 +87,8 @@ def test_equal_scores_have_no_interval_of_their_mean():
 def test_no_p_of_an_improvement_is_below_that_of_the_best_deal(a, b):
     """By going through all deals: those in which the first are all above the others, or all below."""
     scores = np.arange(float(a + b))
-    found = probability_of_improvement(
-        runs(a=scores[b:].tolist(), b=scores[:b].tolist()), "score", "a", "b", rng(), task=["task"]
-    )
+    table = runs(a=scores[b:].tolist(), b=scores[:b].tolist())
+    found = probability_of_improvement(table, "score", "a", "b", rng(), task=["task"])
     extreme = [abs(sum(one) / a - sum(set(scores) - set(one)) / b) for one in itertools.combinations(scores, a)]
     attainable = np.mean(np.isclose(extreme, max(extreme)))
     assert found.p >= attainable - 1e-12 and np.isnan([found.low, found.high]).all()

@@ -1,13 +1,11 @@
 """What belongs together is told by the values of columns: not by their text joined, and nothing is dropped without a value."""
 
 import ast
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.document.blocks import Table
 from segar.analysis.report.document.sections import versions
 from segar.analysis.report.document.tables import cells, means
@@ -21,9 +19,9 @@ from segar.analysis.stats.scores import aggregates, probability_of_improvement
 from segar.analysis.tables import mean_by
 from segar.errors import SegarError
 from segar.experiments.settings import RunFolderError
-from tests.synthetic_results import run_rows, write_results
+from tests.places import ROOT
+from tests.synthetic_results import evidence_of, run_rows, write_results
 
-ROOT = Path(__file__).parents[3]
 TWINS = (("mine", "fast-v2"), ("mine-fast", "v2"))  # joined by "-" they are one
 
 
@@ -40,12 +38,11 @@ def twins(seeds: int = 6) -> pd.DataFrame:
 
 def test_panels_whose_joined_names_are_one_stay_apart():
     table = twins()
-    found = (
-        associations(table, "x", "y", given=()).query("outliers == 'kept' and method == 'pearson'").set_index("test")
-    )
+    found = associations(table, "x", "y", given=()).query("outliers == 'kept' and method == 'pearson'")
+    found = found.set_index("test")
     assert found.loc["pooled", "estimate"] < 0 < 0.99 < found.loc["given panel", "estimate"]
     assert len(found.loc[["within"]]) == 2
-    whole = cluster_jackknife(table, lambda part: float(part["y"].mean()), ["family", "difficulty", "seed"])
+    whole = cluster_jackknife(table, mean_of_y, ["family", "difficulty", "seed"])
     assert whole.n == 12
     scores = aggregates(table, "y", np.random.default_rng(0))
     assert set(scores["n"]) == {12}
@@ -53,15 +50,11 @@ def test_panels_whose_joined_names_are_one_stay_apart():
     model = mixed_model(table.assign(x=table["x"] + 0.5 * (table["seed"] % 2)), "y", ["x"])
     assert dict(zip(model.random["effect"], model.random["groups"], strict=True))["family x difficulty"] == 2
     given = np.column_stack([np.ones(12), keys(table, ["family", "difficulty"])])
-    assert permutation_of_blocks(table, "x", "y", given, np.random.default_rng(0)).estimate == pytest.approx(
-        1.0, abs=0.01
-    )
-
-
-def test_a_summary_keeps_groups_apart_whose_joined_names_are_one():
-    runs = twins().assign(state="finished", gap_deterministic=lambda t: t["y"], w2_exact=1.0)
-    found = summarise(runs, ["gap_deterministic"], by=["family", "difficulty"])
-    assert len(found) == 2 and set(found["runs"]) == {6}
+    permuted = permutation_of_blocks(table, "x", "y", given, np.random.default_rng(0))
+    assert permuted.estimate == pytest.approx(1.0, abs=0.01)
+    runs = table.assign(state="finished", gap_deterministic=table["y"], w2_exact=1.0)
+    summary = summarise(runs, ["gap_deterministic"], by=["family", "difficulty"])
+    assert len(summary) == 2 and set(summary["runs"]) == {6}
 
 
 def test_numbers_and_texts_that_look_alike_are_two_values():
@@ -70,32 +63,36 @@ def test_numbers_and_texts_that_look_alike_are_two_values():
     assert keys(table, []).tolist() == [0] * 4
 
 
+def mean_of_y(part):
+    return float(part["y"].mean())
+
+
+CALLS = {
+    "algorithm": [
+        lambda table, rng: aggregates(table, "y", rng),
+        lambda table, rng: probability_of_improvement(table, "y", "ppo", "sac", rng),
+    ],
+    "family": [
+        lambda table, rng: aggregates(table, "y", rng),
+        lambda table, rng: associations(table, "x", "y"),
+        lambda table, rng: left_out(table, "y", {"x": ["x"]}),
+    ],
+    "seed": [
+        lambda table, rng: aggregates(table, "y", rng),
+        lambda table, rng: cluster_jackknife(table, mean_of_y, ["family", "seed"]),
+        lambda table, rng: permutation_of_blocks(table, "x", "y", np.ones((12, 1)), rng),
+        lambda table, rng: mixed_model(table, "y", ["x"]),
+    ],
+}
+
+
 @pytest.mark.parametrize("nothing", [None, np.nan])
-@pytest.mark.parametrize("name", ["algorithm", "family", "seed"])
-def test_a_row_without_a_key_is_refused_by_the_name_of_the_column(name, nothing):
+@pytest.mark.parametrize(("name", "call"), [(name, call) for name, calls in CALLS.items() for call in calls])
+def test_a_row_without_a_key_is_refused_by_the_name_of_the_column(name, call, nothing):
     table = twins().astype({name: object})
     table.loc[3, name] = nothing
-    rng = np.random.default_rng(0)
-    calls = {
-        "algorithm": [
-            lambda: aggregates(table, "y", rng),
-            lambda: probability_of_improvement(table, "y", "ppo", "sac", rng),
-        ],
-        "family": [
-            lambda: aggregates(table, "y", rng),
-            lambda: associations(table, "x", "y"),
-            lambda: left_out(table, "y", {"x": ["x"]}),
-        ],
-        "seed": [
-            lambda: aggregates(table, "y", rng),
-            lambda: cluster_jackknife(table, lambda part: float(part["y"].mean()), ["family", "seed"]),
-            lambda: permutation_of_blocks(table, "x", "y", np.ones((12, 1)), rng),
-            lambda: mixed_model(table, "y", ["x"]),
-        ],
-    }
-    for call in calls[name]:
-        with pytest.raises(SegarError, match=f"1 of 12 rows have no {name}, which says what belongs together"):
-            call()
+    with pytest.raises(SegarError, match=f"1 of 12 rows have no {name}, which says what belongs together"):
+        call(table, np.random.default_rng(0))
 
 
 def test_means_of_groups_without_a_name_are_kept():
@@ -106,7 +103,7 @@ def test_means_of_groups_without_a_name_are_kept():
 def test_tables_of_a_report_keep_all_rows_whatever_has_no_name(tmp_path):
     """And a run that does not say what it belongs to is refused, in the file where it stands."""
     runs = run_rows(np.random.default_rng(0), "figure_3a", seeds=2).assign(code=["a", None] * 45)
-    evidence = Evidence(read_results(write_results(tmp_path / "whole", {"runs": runs})))
+    evidence = evidence_of(tmp_path / "whole", {"runs": runs})
     named = evidence.all_results.runs.assign(experiment="figure_3a", libraries="", commit="", computed_with="")
     (table,) = (block for block in versions(named) if isinstance(block, Table))
     assert sum(int(row[-1]) for row in table.rows) == len(runs)

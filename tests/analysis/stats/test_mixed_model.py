@@ -57,19 +57,15 @@ def test_its_size_is_five_percent_with_panels_and_seeds():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("x", "options", "runs", "message"),
     [
-        ({"x": ["w3"]}, "no column 'w3'"),
-        ({"x": ["w2"], "log": ["n"]}, "'n' is not among x"),
-        ({"x": ["one"]}, "does not vary"),
+        ("w3", {}, 45, "no column 'w3'"),
+        ("w2", {"log": ["n"]}, 45, "'n' is not among x"),
+        ("one", {}, 45, "does not vary"),
+        ("w2", {}, 0, "0 runs are too few"),
+        ("w2", {}, 3, "3 runs are too few"),
     ],
 )
-def test_what_cannot_be_fitted_is_named(arguments, message):
+def test_what_cannot_be_fitted_is_named(x, options, runs, message):
     with pytest.raises(SegarError, match=message):
-        mixed_model(grid(rng(0)).assign(one=1.0), "gap", **arguments)
-
-
-@pytest.mark.parametrize("runs", [0, 3])
-def test_too_few_runs_are_said_to_be(runs):
-    with pytest.raises(SegarError, match=f"{runs} runs are too few"):
-        mixed_model(grid(rng(0)).head(runs), "gap", ["w2"])
+        mixed_model(grid(rng(0)).assign(one=1.0).head(runs), "gap", [x], **options)

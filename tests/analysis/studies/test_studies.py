@@ -7,15 +7,18 @@ from segar.analysis.studies.baselines import players
 from segar.analysis.studies.hardness import hardness_with
 
 
-def test_the_planner_is_no_worse_than_the_script_and_better_than_chance():
-    table = pd.DataFrame(players("empty", "hard", 4)).set_index("player")
+@pytest.fixture(scope="module")
+def table():
+    return pd.DataFrame(players("empty", "hard", 4)).set_index("player")
+
+
+def test_the_planner_is_no_worse_than_the_script_and_better_than_chance(table):
     assert set(table.index) == {"idle", "random", "floor", "script", "oracle"}
     assert table.loc["oracle", "return"] >= table.loc["script", "return"] > table.loc["random", "return"]
     assert table.loc["oracle", "success"] == 1.0
 
 
-def test_the_floor_is_the_better_of_idle_and_random_play_on_each_level():
-    table = pd.DataFrame(players("empty", "hard", 4)).set_index("player")
+def test_the_floor_is_the_better_of_idle_and_random_play_on_each_level(table):
     both = table.loc[["idle", "random"]]
     for value in ("return", "success"):
         assert table.loc["floor", value] >= both[value].max()

@@ -9,7 +9,6 @@ import pytest
 from segar.analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.claims.prediction import matched_predictions
-from segar.analysis.report.claims.reading import read_claims
 from segar.analysis.report.claims.rows import ROWS
 from segar.analysis.report.claims.specifications import specifications, survives
 from segar.analysis.report.claims.statements import METRICS, STATEMENTS, stated
@@ -23,18 +22,25 @@ from segar.analysis.report.results import read_results
 from segar.analysis.report.rules import WHOLE
 from segar.analysis.stats.estimate import mean_of_replicates
 from segar.analysis.stats.prediction import left_out
-from tests.synthetic_results import everything, player_rows, run_rows, write_players, write_results
+from tests.synthetic_results import (
+    claims_of,
+    everything,
+    evidence_of,
+    player_rows,
+    run_rows,
+    write_players,
+    write_results,
+)
 
 
-def claims_of(folder, tables):
-    evidence = Evidence(read_results(write_results(folder, tables)))
-    return {claim.name: claim for claim in read_claims(evidence)}
+def claims_on(folder, tables):
+    return claims_of(evidence_of(folder, tables))
 
 
 @pytest.fixture(scope="module")
 def full(tmp_path_factory):
     """All experiments, with a gap that follows exact W2 and nothing else."""
-    return claims_of(tmp_path_factory.mktemp("full") / "standard", everything(np.random.default_rng(0), seeds=6))
+    return claims_on(tmp_path_factory.mktemp("full") / "standard", everything(np.random.default_rng(0), seeds=6))
 
 
 def test_an_effect_of_w2_is_found_pooled_given_panel_given_n_and_at_one_n(full):
@@ -45,41 +51,31 @@ def test_an_effect_of_w2_is_found_pooled_given_panel_given_n_and_at_one_n(full):
 
 def test_a_gap_that_follows_n_and_not_w2_is_told_apart(tmp_path):
     rng = np.random.default_rng(1)
-    found = claims_of(tmp_path, {"runs": run_rows(rng, "figure_3a", seeds=6, beyond_n=False)})
+    found = claims_on(tmp_path, {"runs": run_rows(rng, "figure_3a", seeds=6, beyond_n=False)})
     assert found["3a"].verdict(METRIC_OURS) == SUPPORTED
     assert found["3a-n"].verdict(METRIC_OURS) == NOT_SUPPORTED
     assert "how many levels" in found["3a-n"].follows
     assert found["3a-cell"].verdict(METRIC_OURS) == NOT_SUPPORTED
 
 
-def test_a_loss_on_harder_levels_is_found(full):
-    assert full["4a-larger"].verdict(METRIC_OURS) == SUPPORTED
+def test_a_loss_on_harder_levels_is_found_and_accuracies_have_no_relation_to_the_gap(full):
+    assert full["4a-larger"].verdict(METRIC_OURS) == full["4b-train"].verdict(METRIC_OURS) == SUPPORTED
     (finding,) = full["4a-larger"].tests(METRIC_OURS)
     assert finding.found.estimate == pytest.approx(-2.0, rel=0.01)
-
-
-def test_accuracies_without_relation_to_the_gap_are_none(full):
-    assert full["4b-train"].verdict(METRIC_OURS) == SUPPORTED
     assert all(abs(one.found.estimate) < 0.3 for one in full["4b-none"].findings)
 
 
-def test_tables_of_tests_count_blocks_and_hide_r_without_an_interval(full, tmp_path):
-    n, r = (FINDING_HEAD.index(name) for name in ("n in blocks", "effect"))
-    assert all(row[n].endswith(" in 6") for row in finding_rows(full["3b-trend"]))
-    few = claims_of(tmp_path, {"runs": run_rows(np.random.default_rng(1), "figure_3a", seeds=3)})
-    assert {row[r] for row in finding_rows(few["3b-trend"])} == {NONE}
-
-
-def test_blocks_stay_together_and_too_few_give_no_verdict(full, tmp_path):
+def test_blocks_stay_together_and_too_few_give_neither_an_interval_nor_a_verdict(full, tmp_path):
     assert full["3a"].findings[0].found.note == "270 rows in 9 blocks"  # panels: nothing is given
     assert full["3a-panel"].findings[0].found.note == "270 rows in 54 blocks"
     assert full["fixed-n"].findings[0].found.note == "24 rows in 8 blocks"
-    rng = np.random.default_rng(0)
-    few = claims_of(
-        tmp_path, {"runs": run_rows(rng, "figure_3a", seeds=5, families=("empty",), difficulties=("easy",))}
-    )
+    n, r = (FINDING_HEAD.index(name) for name in ("n in blocks", "effect"))
+    assert all(row[n].endswith(" in 6") for row in finding_rows(full["3b-trend"]))
+    one_panel = {"families": ("empty",), "difficulties": ("easy",)}
+    few = claims_on(tmp_path, {"runs": run_rows(np.random.default_rng(0), "figure_3a", seeds=5, **one_panel)})
     (one,) = few["3a-panel"].tests(METRIC_OURS)
     assert one.found.note == "5 blocks: no interval" and one.verdict == NOT_TESTABLE
+    assert {row[r] for row in finding_rows(few["3a-panel"])} == {NONE}
 
 
 def test_runs_that_did_not_learn_do_not_lead(tmp_path):
@@ -90,7 +86,7 @@ def test_runs_that_did_not_learn_do_not_lead(tmp_path):
     for name in ("gap_deterministic", "gap_ref_deterministic"):
         runs.loc[idle, name] = 5.0 * rng.normal(size=idle.sum())
     runs.loc[idle, ["success_train_deterministic", "success_test_deterministic"]] = 0.05
-    found = claims_of(tmp_path, {"runs": runs})["3a"]
+    found = claims_on(tmp_path, {"runs": runs})["3a"]
     (leading,), (all_runs,) = found.tests(METRIC_OURS), found.tests(METRIC_OURS, ALL_RUNS)
     assert leading.found.n == 180 and all_runs.found.n == 270
     assert leading.found.estimate < -0.9 < all_runs.found.estimate
@@ -102,10 +98,8 @@ def test_the_gate_is_the_better_of_idle_and_random_play(tmp_path):
     runs["success_train_deterministic"] = [0.31, 0.39, 0.41, 0.5, 1.0]
     folder = write_results(tmp_path, {"runs": runs})
     assert list(read_results(folder).learned) == [True] * 5
-    players = pd.DataFrame(
-        {"family": "empty", "difficulty": "easy", "player": ["idle", "random"], "success": [0.1, 0.3]}
-    )
-    write_players(folder, players)
+    players = {"family": "empty", "difficulty": "easy", "player": ["idle", "random"], "success": [0.1, 0.3]}
+    write_players(folder, pd.DataFrame(players))
     assert list(read_results(folder).learned) == [False, False, True, True, True]
 
 
@@ -121,9 +115,8 @@ def test_matched_sets_tell_which_of_two_measures_matters(tmp_path):
         part["w2_exact"] = 1.0 + ("far" in design) + 0.1 * rng.normal(size=len(part))
         parts.append(part)
     runs = pd.concat(parts, ignore_index=True)
-    folder = write_results(tmp_path, {"runs": runs})
-    evidence = Evidence(read_results(folder))
-    found = {claim.name: claim for claim in read_claims(evidence)}
+    evidence = evidence_of(tmp_path, {"runs": runs})
+    found = claims_of(evidence)
     assert found["matched-coverage"].verdict(METRIC_OURS) == SUPPORTED
     assert found["matched-w2"].verdict(METRIC_OURS) == NOT_SUPPORTED
     assert "In other ways, which decide nothing: n = 10" in found["matched-coverage"].follows
@@ -140,15 +133,15 @@ def test_the_papers_agent_is_judged_when_all_of_its_runs_are_there(tmp_path):
     runs = run_rows(rng, "paper_agent", seeds=1, difficulties=("medium",))
     runs = runs.assign(seed=np.arange(len(runs)) + 1)  # a level set each
     assert len(runs) == WHOLE["paper_agent"]
-    whole = claims_of(tmp_path / "whole", {"runs": runs})["3a-agent"]
+    whole = claims_on(tmp_path / "whole", {"runs": runs})["3a-agent"]
     assert whole.verdict(METRIC_OURS) == SUPPORTED and len(whole.tests(METRIC_OURS)) == 1
-    part = claims_of(tmp_path / "part", {"runs": runs.iloc[:-1]})["3a-agent"]
+    part = claims_on(tmp_path / "part", {"runs": runs.iloc[:-1]})["3a-agent"]
     assert part.verdict(METRIC_OURS) == NOT_TESTABLE and not part.findings and "all fifteen" in part.needs
 
 
 def test_specifications_are_all_combinations_and_decide_what_survives(full, tmp_path):
     rng = np.random.default_rng(0)
-    evidence = Evidence(read_results(write_results(tmp_path, {"runs": run_rows(rng, "figure_3a", seeds=6)})))
+    evidence = evidence_of(tmp_path, {"runs": run_rows(rng, "figure_3a", seeds=6)})
     table = specifications(evidence)
     # Without the study of training sets, W2 is exact or that of 2022, each with its own returns, and there is no regret. Each
     # choice is made with all runs and without those with one level.
@@ -156,9 +149,8 @@ def test_specifications_are_all_combinations_and_decide_what_survives(full, tmp_
     assert Counter(table["claim"]) == {name: 2 * number for name, number in per_claim.items()}
     assert full["3a-n"].verdict(METRIC_OURS) in (SUPPORTED, UNDECIDED)
     one_way = table.assign(estimate=-0.5, low=-0.7, high=-0.3, p=0.001)
-    assert survives(one_way, "3a-n") and not survives(
-        one_way.assign(estimate=np.where(table.index == table.index[table["claim"] == "3a-n"][0], 0.1, -0.5)), "3a-n"
-    )
+    mixed = one_way.assign(estimate=np.where(table.index == table.index[table["claim"] == "3a-n"][0], 0.1, -0.5))
+    assert survives(one_way, "3a-n") and not survives(mixed, "3a-n")
     assert not survives(one_way.assign(p=0.2), "3a-cell")
 
 
@@ -179,8 +171,7 @@ def test_regret_is_an_outcome_where_the_planner_is_known_and_falls_like_the_retu
 
 
 def test_a_shift_of_physics_costs_what_was_planted_whatever_the_own_gap_is(tmp_path):
-    tables = everything(np.random.default_rng(0))
-    evidence = Evidence(read_results(write_results(tmp_path, tables)))
+    evidence = evidence_of(tmp_path, everything(np.random.default_rng(0)))
     found = evidence.results.other_physics
     assert len(found) == 6
     np.testing.assert_allclose(found["difference"], -3.0, rtol=0.011)
@@ -194,7 +185,7 @@ def test_sample_sizes_and_intervals_stand_beside_every_number(full):
 
 
 def test_what_was_not_run_is_not_testable_and_says_what_it_takes(tmp_path):
-    found = claims_of(tmp_path, {"runs": run_rows(np.random.default_rng(0), "attribution", seeds=1)})
+    found = claims_on(tmp_path, {"runs": run_rows(np.random.default_rng(0), "attribution", seeds=1)})
     planned = [claim for claim in found.values() if not claim.untested]
     assert {claim.verdict(METRIC_2022) for claim in planned} == {NOT_TESTABLE}
     assert all("experiments=[" in claim.needs or "probes.parquet" in claim.needs for claim in planned)
@@ -210,9 +201,9 @@ def test_a_verdict_on_single_factors_follows_what_was_planted_of_them(tmp_path):
     others = probes.assign(factor="golfball.Velocity.x", estimate=0.0)
     success = 0.4 + 0.5 * known + 0.05 * rng.uniform(size=len(runs))
     tables = {"runs": runs.assign(success_test_deterministic=success), "probes": pd.concat([probes, others])}
-    assert claims_of(tmp_path / "followed", tables)["4b-factors"].verdict(METRIC_OURS) == SUPPORTED
+    assert claims_on(tmp_path / "followed", tables)["4b-factors"].verdict(METRIC_OURS) == SUPPORTED
     tables["runs"] = runs.assign(success_test_deterministic=rng.uniform(0.5, 1.0, len(runs)))
-    assert claims_of(tmp_path / "nothing", tables)["4b-factors"].verdict(METRIC_OURS) != SUPPORTED
+    assert claims_on(tmp_path / "nothing", tables)["4b-factors"].verdict(METRIC_OURS) != SUPPORTED
 
 
 @pytest.mark.parametrize(("within", "verdict"), [(3.0, SUPPORTED), (0.2, NOT_SUPPORTED)])
@@ -222,19 +213,12 @@ def test_an_estimator_is_noisy_where_its_replicates_differ_more_than_agents_do(t
     true = rng.normal(size=(len(runs), 1)) + within * rng.normal(size=(len(runs), 5))
     found = [mean_of_replicates(values) for values in true]
     rows = [
-        {
-            "run": run,
-            "levels": levels,
-            "representation": "trained",
-            "factor": "all",
-            "probe": "jsd",
-            "quantity": "accuracy",
-        }
-        | {"units": one.n, "estimate": one.estimate, "low": one.low, "high": one.high}
+        {"run": run, "levels": levels, "units": one.n, "estimate": one.estimate, "low": one.low, "high": one.high}
         for run, one in zip(runs["run"], found, strict=True)
         for levels in ("train", "test")
     ]
-    claim = claims_of(tmp_path, {"runs": runs, "probes": pd.DataFrame(rows)})["5a-variance"]
+    what = {"representation": "trained", "factor": "all", "probe": "jsd", "quantity": "accuracy"}
+    claim = claims_on(tmp_path, {"runs": runs, "probes": pd.DataFrame(rows).assign(**what)})["5a-variance"]
     assert claim.verdict(METRIC_OURS) == verdict
     (one,) = claim.tests(METRIC_OURS)
     assert one.found.estimate == pytest.approx(within**2 / (1 + within**2), abs=0.03)

@@ -5,20 +5,17 @@ import pandas as pd
 import pytest
 
 from segar.analysis.report.claims.claim import LEARNED, METRIC_OURS
-from segar.analysis.report.claims.evidence import Evidence
-from segar.analysis.report.claims.reading import read_claims
 from segar.analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
-from segar.analysis.report.results import read_results
-from tests.synthetic_results import run_rows, write_results
+from tests.synthetic_results import claims_of, evidence_of, run_rows
 
 HEADLINE = ("3a", "3a-panel", "3a-n", "3a-cell")
 
 
-def claims_of(folder, runs, missing=None):
-    write_results(folder, {"runs": runs})
+def claims_on(folder, runs, missing=None):
     if missing is not None:
+        folder.mkdir(exist_ok=True)
         missing.to_csv(folder / "missing.csv", index=False)
-    return {claim.name: claim for claim in read_claims(Evidence(read_results(folder)))}
+    return claims_of(evidence_of(folder, {"runs": runs}))
 
 
 def grid(seeds=6):
@@ -43,11 +40,9 @@ def verdicts_of(claims, names=HEADLINE):
     return {name: claims[name].verdict(METRIC_OURS) for name in names}
 
 
-def test_an_effect_of_the_distance_is_supported_and_a_gap_of_noise_is_not(tmp_path):
+def test_a_gap_of_noise_is_no_effect_of_the_distance(tmp_path):
     runs, rng = grid(), np.random.default_rng(1)
-    assert set(verdicts_of(claims_of(tmp_path / "effect", runs)).values()) == {SUPPORTED}
-    noise = with_gap(runs, pd.Series(-2.0 + 0.5 * rng.normal(size=len(runs))))
-    found = verdicts_of(claims_of(tmp_path / "nothing", noise))
+    found = verdicts_of(claims_on(tmp_path, with_gap(runs, pd.Series(-2.0 + 0.5 * rng.normal(size=len(runs))))))
     assert SUPPORTED not in found.values() and found["3a-cell"] == found["3a-panel"] == NOT_SUPPORTED
 
 
@@ -55,7 +50,7 @@ def test_an_effect_with_one_level_alone_is_never_supported_and_the_dummy_stands_
     runs, rng = grid(), np.random.default_rng(1)
     one = runs["n"] == 1
     alone = pd.Series(np.where(one, runs["gap_deterministic"] - 2.0, -2.0) + 0.2 * rng.normal(size=len(runs)))
-    found = claims_of(tmp_path, with_gap(runs, alone))
+    found = claims_on(tmp_path, with_gap(runs, alone))
     assert set(verdicts_of(found, ("3a-n", "3a-cell")).values()) == {UNDECIDED}
     assert SUPPORTED not in verdicts_of(found).values()
     (finding,) = found["3a-panel"].tests(METRIC_OURS)
@@ -63,27 +58,34 @@ def test_an_effect_with_one_level_alone_is_never_supported_and_the_dummy_stands_
     assert "Without the runs with one training level" in found["3a-cell"].follows
 
 
-@pytest.mark.parametrize("at_random", [True, False])
-def test_three_tenths_missing_give_no_verdict_whether_or_not_they_are_missing_at_random(tmp_path, at_random):
+def without(folder, runs, gone):
+    """The claims on a grid of which some runs are missing."""
+    return claims_on(folder, runs.drop(gone.index).reset_index(drop=True), lacking(gone))
+
+
+def test_three_tenths_missing_give_no_verdict_whether_or_not_they_are_missing_at_random(tmp_path):
     runs = grid()
-    order = np.random.default_rng(0).permutation(len(runs)) if at_random else np.argsort(runs["gap_deterministic"])
-    gone = runs.iloc[order[: int(0.3 * len(runs))]]
-    there = runs.drop(gone.index).reset_index(drop=True)
-    found = claims_of(tmp_path, there, lacking(gone))
+    found = without(tmp_path / "random", runs, runs.sample(n=81, random_state=0))
     assert set(verdicts_of(found).values()) == {NOT_YET}
     assert str(found["3a"].planned) == "189 of 270 planned runs are there, 81 are missing"
-
-
-def test_a_tenth_may_be_missing_and_a_claim_about_one_family_asks_for_that_family_alone(tmp_path):
-    runs = grid()
-    gone = runs[runs["family"] == "objectsx1"]
-    found = claims_of(tmp_path / "family", runs.drop(gone.index).reset_index(drop=True), lacking(gone))
+    found = without(tmp_path / "family", runs, runs[runs["family"] == "objectsx1"])
+    assert set(verdicts_of(found, (*HEADLINE, "3b-trend")).values()) == {NOT_YET}
+    # A claim about one family asks for that family alone.
     assert found["3b-empty"].verdict(METRIC_OURS) == SUPPORTED and found["3b-empty"].planned.planned == 90
-    assert found["3b-trend"].verdict(METRIC_OURS) == found["3a"].verdict(METRIC_OURS) == NOT_YET
-    few = runs.sample(n=27, random_state=0)
-    found = claims_of(tmp_path / "few", runs.drop(few.index).reset_index(drop=True), lacking(few))
+
+
+def test_a_tenth_may_be_missing_and_p_is_corrected_over_all_claims_of_a_maker_whether_or_not_they_can_be_tested(
+    tmp_path,
+):
+    runs = grid()
+    found = without(tmp_path, runs, runs.sample(n=27, random_state=0))
     assert set(verdicts_of(found).values()) == {SUPPORTED}
     assert found["3a"].planned.present == 243
+    ours = [one for one in found.values() if one.of == "ours"]
+    p = {one.name: one.largest_p(METRIC_OURS, LEARNED) for one in ours}
+    least = min(p, key=p.__getitem__)
+    assert found[least].corrected[METRIC_OURS, LEARNED] == pytest.approx(len(p) * p[least])
+    assert all(one.corrected[METRIC_OURS, LEARNED] == 1 for one in ours if not one.findings)
 
 
 def test_an_outcome_without_room_for_the_margin_cannot_be_tested(tmp_path):
@@ -91,15 +93,6 @@ def test_an_outcome_without_room_for_the_margin_cannot_be_tested(tmp_path):
     runs = with_gap(grid(), pd.Series(0.02 * np.random.default_rng(0).normal(size=270) - 0.1))
     success = 0.99 - 0.001 * runs["seed"]
     almost = {"success_train_deterministic": success, "success_test_deterministic": success - 0.001 * runs["seed"]}
-    easy = claims_of(tmp_path, runs.assign(**almost))
+    easy = claims_on(tmp_path, runs.assign(**almost))
     assert set(verdicts_of(easy, (*HEADLINE, "5b-easy")).values()) == {NOT_TESTABLE}
     assert "no room" in easy["5b-easy"].tests(METRIC_OURS, LEARNED)[0].lacks_room
-
-
-def test_p_is_corrected_over_all_claims_of_a_maker_whether_or_not_they_can_be_tested(tmp_path):
-    found = claims_of(tmp_path, grid())
-    ours = [one for one in found.values() if one.of == "ours"]
-    p = {one.name: one.largest_p(METRIC_OURS, LEARNED) for one in ours}
-    least = min(p, key=p.__getitem__)
-    assert found[least].corrected[METRIC_OURS, LEARNED] == pytest.approx(len(p) * p[least])
-    assert all(one.corrected[METRIC_OURS, LEARNED] == 1 for one in ours if not one.findings)

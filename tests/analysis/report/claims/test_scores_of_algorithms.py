@@ -60,10 +60,7 @@ def test_the_floor_scores_0_and_the_oracle_1_and_a_mixture_lies_between(tmp_path
     runs = scored(results, "figure_5a")
     np.testing.assert_allclose(runs["score"], 1 - runs["regret"] / (ORACLE - FLOOR))
     assert value(table, "ppo_fast", SUCCESS) == pytest.approx(runs["success_test_deterministic"].mean())
-    assert set(table["n"]) == {
-        SEEDS * 6,
-        2 * SEEDS * 6,
-    }  # of one algorithm: seeds in six cells; of a comparison: of two
+    assert set(table["n"]) == {SEEDS * 6, 2 * SEEDS * 6}  # of an algorithm: seeds in six cells; of a comparison: of two
 
 
 def test_a_profile_begins_at_all_runs_and_falls(tmp_path):
@@ -73,9 +70,8 @@ def test_a_profile_begins_at_all_runs_and_falls(tmp_path):
         assert part["estimate"].iloc[0] == 1.0 and (part["estimate"].diff().dropna() <= 0).all(), algorithm
         assert part["estimate"].iloc[-1] == 0.0
     drawn = performance_profiles(Evidence(results))
-    assert len(drawn.table) == len(table) and [axes.get_title() for axes in drawn.figure.axes] == [
-        "Self-supervised losses"
-    ]
+    assert len(drawn.table) == len(table)
+    assert [axes.get_title() for axes in drawn.figure.axes] == ["Self-supervised losses"]
 
 
 def test_a_seed_without_one_of_the_runs_is_left_out_for_all_and_this_is_said(tmp_path):
