@@ -123,10 +123,8 @@ def crafted_arrays(array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     for dtype in ("complex128", "S3", "U2", "M8[s]", "V4", "float16", "O"):
         if array.dtype != dtype:
             yield f"of {dtype}", np.zeros(array.shape, dtype)
-    yield (
-        "in the other order of bytes",
-        array.astype(array.dtype.newbyteorder(">")) if (array.dtype.itemsize > 1) else array.astype(">i8"),
-    )
+    other = array.dtype.newbyteorder(">") if array.dtype.itemsize > 1 else ">i8"
+    yield "in the other order of bytes", array.astype(other)
     yield "without axes", np.array(array.flat[0] if array.size else 0, array.dtype)
     yield "of one more axis", array[..., None]
     if array.ndim > 1:

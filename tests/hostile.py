@@ -19,9 +19,9 @@ WATCHED = (
     "os.exec",
     "os.posix_spawn",
     "os.fork",
+    "pty.",
     "socket.connect",
     "ctypes.dlopen",
-    "pty.",
 )
 
 _seen: list[str] = []  # what happened since the watch began
@@ -67,13 +67,7 @@ def hostile_folder(folder: Path) -> Iterator[Path]:
         sys.path[:] = before
 
 
-def assert_nothing_runs(
-    data: Any,
-    write: Callable[[Any], Path],
-    read: Callable[[], Any],
-    folder: Path,
-    more: Callable[[], bool] = lambda: True,
-) -> None:
+def assert_nothing_runs(data: Any, write: Callable[[Any], Path], read: Callable[[], Any], folder: Path) -> None:
     """Every text in the data is replaced by every hostile name. Reading them runs nothing, and ends well or with an error of
     SEGAR that names the file and either the place or the name.
 
@@ -94,9 +88,8 @@ def assert_nothing_runs(
                 if outcome:
                     wrong.append(f"{told}: {outcome}")
                 if seen or mark.exists() or sys.path != path_before:
-                    wrong.append(
-                        f"{told}: it ran {seen[:3]}, mark {mark.exists()}, path {sys.path[len(path_before) :]}"
-                    )
+                    found = f"mark {mark.exists()}, path {sys.path[len(path_before) :]}"
+                    wrong.append(f"{told}: it ran {seen[:3]}, {found}")
                     mark.unlink(missing_ok=True)
                     sys.path[:] = path_before
                 if foreign := {one for one in set(sys.modules) - modules if one.startswith((MODULE, FILE))}:

@@ -28,8 +28,7 @@ def linear(path, shape, actions=2, memory=0, rows="n", dtype=TensorProto.FLOAT):
         inputs.append(helper.make_tensor_value_info("memory", TensorProto.FLOAT, [rows, memory]))
         outputs.append(helper.make_tensor_value_info("later", TensorProto.FLOAT, [rows, memory]))
     nodes.append(helper.make_node("Clip", ["all" if memory else "sum", "low", "high"], ["action"]))
-    graph = helper.make_graph(
-        nodes, "policy", inputs, outputs, [numpy_helper.from_array(array, name) for name, array in arrays.items()]
-    )
+    constants = [numpy_helper.from_array(array, name) for name, array in arrays.items()]
+    graph = helper.make_graph(nodes, "policy", inputs, outputs, constants)
     onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8), path)
     return weight, bias

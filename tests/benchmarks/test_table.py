@@ -1,6 +1,7 @@
 """The table of ``make bench``: rows with their bars, and parts that can be chosen."""
 
 import sys
+from functools import partial
 
 import pytest
 
@@ -45,11 +46,7 @@ def test_a_row_marks_a_missed_bar(row, bar):
 def test_contestants_take_turns_and_their_first_turn_does_not_count():
     calls: list[str] = []
     ticks = iter(range(100))
-    seconds = in_turns(
-        [lambda: calls.append("a"), lambda: calls.append("b")],
-        2,
-        lambda: next(ticks),
-        [lambda: calls.append("A"), lambda: calls.append("B")],
-    )
+    first, second = ([partial(calls.append, name) for name in names] for names in ("ab", "AB"))
+    seconds = in_turns(first, 2, lambda: next(ticks), second)
     assert calls == ["A", "a", "B", "b"] * 3
     assert seconds == [[1, 1], [1, 1]]

@@ -77,11 +77,9 @@ def test_a_script_refuses_what_it_would_leave_out(script, arguments, message, ca
 
 @pytest.mark.parametrize("name", ["ppo", "sb3_ppo"])
 def test_a_script_runs_from_any_folder(name, tmp_path):
-    script = ROOT / "examples" / f"{name}.py"
+    command = [sys.executable, str(ROOT / "examples" / f"{name}.py"), "--help"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, str(script), "--help"], cwd=tmp_path, env=environment, capture_output=True, text=True
-    )
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 0 and "--test-count" in done.stdout, done.stderr
 
 
