@@ -38,8 +38,8 @@ def test_sample_writes_the_levels_that_the_library_samples(capsys, tmp_path, suf
     assert said == f"{path}: 7 levels of 'objectsx3-hard', seed 3, split 'test'\n"
     assert path.read_bytes().startswith(b"{") == (suffix == "json")
     assert segar.Levels.load(path) == segar.family("objectsx3-hard").sample(7, seed=3, split="test")
-    said = json.loads(shown(capsys, "sample", "objectsx3-hard", "-n", 2, "-o", path, "--json"))
-    assert said["levels"] == len(segar.Levels.load(path)) == 2
+    said = json.loads(shown(capsys, "sample", "objectsx3-hard", "-n", 2, "--split", "test", "-o", path, "--json"))
+    assert said["levels"] == len(segar.Levels.load(path)) == 2 and said["split"] == "test"
     assert said["distribution"] == segar.family("objectsx3-hard").hash
 
 
