@@ -79,6 +79,26 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+@pytest.fixture
+def flight(run: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[segar.LevelDistribution, StateVector]:
+    """A distribution with a parameter, a task and rules of its own, which the run was trained on; and what the run observed."""
+    monkeypatch.syspath_prepend(Path.cwd())
+    monkeypatch.delitem(sys.modules, "my_field", raising=False)
+    Path("my_field.py").write_text(FIELD)
+    import my_field
+
+    train = my_field.field.sample(5, seed=1)
+    train.save(run / "levels_train.npz")
+    seen = my_field.seeing.trained_on(train)
+    for place in run.glob("evaluations/*/network.npz"):
+        perceptron(seen, train).save(place)
+    (run / "config.yaml").write_text(
+        "observation: {name: state, options: {parameters: [Uplift], normalise: true}}\n"
+        "task: {name: levels, options: {max_steps: 9}}\n"
+    )
+    return my_field.field, seen
+
+
 def test_the_page_is_that_of_the_library(capsys, tmp_path):
     page = tmp_path / "page.html"
     said = json.loads(
@@ -109,24 +129,11 @@ def test_a_run_folder_gives_its_newest_network_and_what_it_observes(capsys, run)
     assert found == make_playground(levels, **options, weights="float16").html
 
 
-def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, monkeypatch):
+def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, flight):
     """Also what the run names of its own: the levels bring it, and nothing is imported for the run."""
-    monkeypatch.syspath_prepend(Path.cwd())
-    monkeypatch.delitem(sys.modules, "my_field", raising=False)
-    Path("my_field.py").write_text(FIELD)
-    import my_field
-
-    train = my_field.field.sample(5, seed=1)
-    train.save(run / "levels_train.npz")
-    seen, task = my_field.seeing.trained_on(train), my_field.landing(max_steps=9)
-    player = perceptron(seen, train)
-    for place in run.glob("evaluations/*/network.npz"):
-        player.save(place)
-    (run / "config.yaml").write_text(
-        "observation: {name: state, options: {parameters: [Uplift], normalise: true}}\n"
-        "task: {name: levels, options: {max_steps: 9}}\n"
-    )
-    levels, base = my_field.field.sample(3), ("my_field:field", "-n", 3, "--policy", run)
+    field, seen = flight
+    player, task = perceptron(seen, field.sample(5, seed=1)), sys.modules["my_field"].landing(max_steps=9)
+    levels, base = field.sample(3), ("my_field:field", "-n", 3, "--policy", run)
     found = page(capsys, *base)
     assert found == make_playground(levels, policy=player, observations={"state": seen}, task=task).html
     assert found != make_playground(levels, policy=player, observations={"state": seen}).html
@@ -134,8 +141,8 @@ def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, monkeypatch)
         "observation: {name: my_lab.seeing:look}\ntask: {name: 'my_field:landing', options: {max_steps: 9}}\n"
     )
     expected = make_playground(levels, policy=player, observations={"my_field:seeing": seen}, task=task).html
-    for field in ("my_field:field", "my_field.py:field"):  # a file and a module may name the same thing
-        assert page(capsys, field, *base[1:], "--observation", "my_field:seeing") == expected
+    for name in ("my_field:field", "my_field.py:field"):  # a file and a module may name the same thing
+        assert page(capsys, name, *base[1:], "--observation", "my_field:seeing") == expected
     (run / "config.yaml").write_text("observation: {name: state}\ntask: {name: 'my_field:other'}\n")
     why = "the task 'my_field:other' is not built in, and a file imports no code; give it by task= or --task"
     assert why in refused(capsys, *base, "-o", "page.html")
@@ -144,7 +151,7 @@ def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, monkeypatch)
     assert why in refused(capsys, *base, "-o", "page.html")
 
 
-def test_probes_of_a_run_are_in_its_page(capsys, run):
+def test_probes_of_a_run_are_in_its_page(capsys, run, flight):
     import pandas as pd
 
     columns = ["levels", "representation", "probe", "quantity", "factor", "estimate", "low", "high"]
@@ -156,14 +163,15 @@ def test_probes_of_a_run_are_in_its_page(capsys, run):
         ("test", "trained", "ridge", "information", "goal.Position.x", 2.0, 1.9, 2.1),
     ]
     pd.DataFrame(rows, columns=columns).to_parquet(run / "probes.parquet")
-    levels = segar.family("empty-easy").sample(3)
+    levels = flight[0].sample(3)
     found = read_policy(run, levels)
     assert found.probes == {"goal.Position.x": (0.9, 0.8, 0.95)}
-    options = {"policy": found.network, "observations": found.observations}
-    made = page(capsys, "empty-easy", "-n", 3, "--policy", run)
+    options = {"policy": found.network, "observations": found.observations, "task": found.task}
+    base = ("my_field:field", "-n", 3, "--policy", run)
+    made = page(capsys, *base)
     assert made == make_playground(levels, probes=found.probes, **options).html
     assert made != make_playground(levels, **options).html
-    base = ("empty-easy", "-n", 3, "--policy", run, "-o", "page.html")
+    base += ("-o", "page.html")
     pd.DataFrame(rows, columns=columns).drop(columns="low").to_parquet(run / "probes.parquet")
     assert "probes.parquet holds no probes of a run: " in refused(capsys, *base)
     (run / "probes.parquet").write_bytes(b"PAR1")
@@ -209,7 +217,8 @@ def test_a_row_on_its_suite_is_a_match_in_the_units_and_with_the_levels_of_its_t
 def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
     base = ("empty-easy", "-n", 2, "-o", "page.html")
     network_file = run / "evaluations" / "train-n5-portable" / "network.npz"
-    assert "reads float32 of shape" in refused(capsys, *base, "--policy", network_file, "--observation", "rgb")
+    other = ("objectsx1-hard", *base[1:], "--policy", network_file, "--observation", "state")
+    assert "reads float32 of shape" in refused(capsys, *other)
     assert "there is no nothing.npz" in refused(capsys, *base, "--policy", "nothing.npz")
     network_file.write_bytes(network_file.read_bytes()[:200])
     assert f"{network_file}" in refused(capsys, *base, "--policy", run)

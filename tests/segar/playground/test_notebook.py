@@ -9,7 +9,7 @@ import pytest
 
 import segar
 from segar.levels import TASK_LEVELS
-from segar.suites import find_causes, suite, twins
+from segar.suites import find_causes, own_suite, suite, twins
 from tests.places import ROOT
 from tests.segar.playground.browsers import Chromium
 
@@ -23,7 +23,7 @@ def still(seen: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def cards() -> dict[str, str]:
-    easy = segar.family("empty-easy")
+    easy, hard = segar.family("empty-easy"), segar.family("empty-hard")
     train, test = (easy.sample(3, seed=0, split=split) for split in ("train", "test"))
     found = segar.evaluate_policy(still, train, test)
     shown = {
@@ -33,7 +33,7 @@ def cards() -> dict[str, str]:
         "rule space": suite("rules-rules-v1").train.world,
         "evaluation": found,
         "level set": found.test,
-        "causes": find_causes(still, twins(suite("place-few-v1"), n=1)),
+        "causes": find_causes(still, twins(own_suite(easy, hard, hard.sample(2, split="test")))),
     }
     return {name: one._repr_html_() for name, one in shown.items()}
 

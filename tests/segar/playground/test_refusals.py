@@ -69,7 +69,7 @@ def test_a_policy_for_other_observations_is_refused_with_both() -> None:
     policy = convolutional("rgb")
     refused(r"reads uint8 of shape \(64, 64, 3\).*\(state, in the levels 'levels'\) is float32 of shape \(\d+,\)",
             observations=["state"], policy=policy)  # fmt: skip
-    refused("in the levels 'test'", LEVELS, segar.family("objectsx3-hard").sample(3), observations=["state"],
+    refused("in the levels 'test'", LEVELS, segar.family("empty-hard").sample(3), observations=["state"],
             policy=perceptron("state"))  # fmt: skip
 
 
@@ -81,11 +81,11 @@ def test_a_policy_for_other_actions_is_refused_with_both() -> None:
 
 
 def test_what_is_no_policy_and_weights_that_do_not_fit_are_refused() -> None:
-    refused(r"not function; make one of a run by segar evaluate", policy=lambda seen: seen)
-    refused("weights must be float32 or float16, not 'int8'", policy=convolutional("rgb"), weights="int8")
-    network = perceptron("state")
+    network, seen = perceptron("state"), {"observations": ["state"]}
+    refused(r"not function; make one of a run by segar evaluate", **seen, policy=lambda seen: seen)
+    refused("weights must be float32 or float16, not 'int8'", **seen, policy=network, weights="int8")
     layer = network.layers[1]
     large = replace(layer, arrays={**layer.arrays, "weight": layer.arrays["weight"] * np.float32(1e6)})
     network = replace(network, layers=(network.layers[0], large, *network.layers[2:]))
     refused(r"layer 1 \(dense\): some numbers of 'weight' are larger than 65,504",
-            observations=["state"], policy=network, weights="float16")  # fmt: skip
+            **seen, policy=network, weights="float16")  # fmt: skip

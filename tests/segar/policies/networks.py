@@ -40,13 +40,20 @@ class Builder:
         return Network(shape, tuple(self.layers), mean, log_std, (-3.0, 2.0), value=value, **more)
 
 
-def mlp() -> Network:
+def dense() -> Builder:
     one = Builder()
     one.dense(7, 33)
     one.add("tanh")
     one.dense(33, 18)
     one.add("layer_norm", options={"epsilon": 1e-5}, weight=(18,), bias=(18,))
-    return one.network(VECTORS, 18, action_low=(-2.0, 0.0), action_high=(1.0, 3.0))
+    return one
+
+
+RANGE = {"action_low": (-2.0, 0.0), "action_high": (1.0, 3.0)}
+
+
+def mlp() -> Network:
+    return dense().network(VECTORS, 18, **RANGE)
 
 
 def residual() -> Network:
@@ -64,20 +71,21 @@ def residual() -> Network:
 
 def points() -> Network:
     one = Builder(scale=1 / 255, stack=2)
-    one.convolution(4, 3, 6, stride=2)
-    one.add("relu")
-    one.add("soft_argmax", places=(6 * 5, 2))
+    one.convolution(4, 3, 17, stride=2, padding=1)
+    convolved = one.add("relu")
+    one.add("add", convolved, one.add("max_pool", options={"kernel": 3, "stride": 1, "padding": 1}))
+    one.add("soft_argmax", places=(7 * 6, 2))
     one.add("movements", options={"factor": 5.0})
-    return one.network(FRAMES, 24, critic=False)
+    return one.network(FRAMES, 17 * 2 * 2, critic=False)
 
 
 def core(kind: str, gates: int) -> Network:
-    one, width = Builder(), 9
+    one, width = dense(), 9
     one.add(
-        kind, weight_input=(7, gates * width), bias_input=(gates * width,), weight_memory=(width, gates * width),
+        kind, weight_input=(18, gates * width), bias_input=(gates * width,), weight_memory=(width, gates * width),
         bias_memory=(gates * width,),
     )  # fmt: skip
-    return one.network(VECTORS, width)
+    return one.network(VECTORS, width, **RANGE)
 
 
 NETWORKS = {

@@ -11,9 +11,13 @@ from segar.support import mathematics
 from tests.segar.engine.targets.machines import MACHINES
 from tests.segar.policies.networks import KEYS, NETWORKS, actions, observations
 
+QUICK = ("points", "lstm")  # which have layers of all kinds between them, but for "gru" and "flatten"
+
 
 @pytest.mark.parametrize("target", ["wasm", pytest.param("native", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["mlp", "residual", "points", "lstm", pytest.param("gru", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NETWORKS]
+)
 def test_networks_act_to_the_bit(name, target):
     network = NETWORKS[name]()
     call = NetworkPolicy(network, sampled=True).call()
