@@ -22,6 +22,7 @@ from segar.levels.level_data import Provenance
 from segar.levels.level_set import Levels
 from segar.rules.world import World
 from tests.places import ROOT
+from tests.segar.engine.worlds import compiled
 
 TOLERANCE = 1e-6
 ROOM = 15  # things of the largest recorded scene, the floor apart
@@ -222,7 +223,7 @@ class Replay:
     def run(self) -> list[Verdict]:
         many = self.many
         levels = levels_of(many)
-        simulator = Simulator(self.world, LAYOUT, _task())
+        simulator = (compiled if len(many) > 1 else Simulator)(self.world, LAYOUT, _task())
         state = State.empty(len(many), LAYOUT)
         state.level[:] = np.arange(len(many))
         state.values[:] = levels.values

@@ -1,6 +1,7 @@
 """Frames for probes: as many as asked for, aligned in time, of all that varies; and a run's probes in one table."""
 
 import dataclasses
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,12 @@ from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
 TRAINING_LEVELS, TEST_LEVELS = 2, 12
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_scouts():
+    with mock.patch("segar.analysis.probes.collection.SCOUT_STEPS", 20):
+        yield
 
 
 @pytest.fixture(scope="module")

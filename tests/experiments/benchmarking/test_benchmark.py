@@ -60,6 +60,7 @@ from tests.experiments.benchmarking import lab_method
 from tests.experiments.short_runs import run_module
 from tests.onnx_models import linear
 
+pytestmark = pytest.mark.compiled  # hundreds of levels are played
 SUITE = "place-few-v1"
 WITH_TWINS = "sight-mass-v1"
 LAB = "tests.experiments.benchmarking.lab_method"

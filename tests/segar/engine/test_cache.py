@@ -63,12 +63,12 @@ def test_all_difficulties_of_a_family_share_a_source():
 
 
 def test_a_second_level_set_or_another_batch_compiles_nothing(sampled, capsys):
-    simulator, levels = sampled("empty-hard")
+    simulator, levels = sampled("objectsx3-hard")
     simulator.act(start(levels), levels, np.zeros((len(levels), 2), np.float32), StepResult.empty(len(levels)))
     compiled = simulator.kernel.module.advance
     capsys.readouterr()
     before = len(compiled.signatures), sum(compiled.stats.cache_misses.values())
-    others = family("empty-easy").sample(7, seed=99, split="test")
+    others = family("objectsx3-easy").sample(7, seed=99, split="test")
     again = Simulator(World(), others.layout)
     again.act(start(others, 3), others, np.zeros((21, 2), np.float32), StepResult.empty(21))
     again.step(start(others), others, 3)

@@ -143,10 +143,10 @@ def after(engine: str, rules: Sequence[Any], levels: Levels, n: int = 1, key: An
     return state
 
 
-def compiled(world: World, layout: Any) -> Simulator:
+def compiled(world: World, layout: Any, *task: Any) -> Simulator:
     """A simulator whose kernel is compiled, whatever the test that asks for it."""
     with mock.patch.dict("os.environ", {PATIENCE: "0"}):
-        return Simulator(world, layout)
+        return Simulator(world, layout, *task)
 
 
 def uncompiled(world: World, layout: Any, task: Any = None) -> Simulator:

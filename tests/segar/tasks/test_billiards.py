@@ -75,7 +75,7 @@ def test_the_cue_ball_lies_below_the_rack_and_in_no_pocket():
 
 
 def test_the_reward_is_minus_the_squared_distances_of_the_balls_to_their_nearest_pockets():
-    env = VectorEnv(TABLES, 32, seed=0, autoreset_mode="Disabled")
+    env = VectorEnv(TABLES, 16, seed=0, autoreset_mode="Disabled")
     policy, (_, info) = at_random(), env.reset(seed=0)
     for _ in range(60):
         _, reward, _, _, info = env.step(policy(info))
@@ -94,7 +94,7 @@ def test_kernel_and_interpreter_agree_about_states_in_disorder():
 
 
 def test_each_ball_pays_once_when_it_falls_and_the_scripted_player_pots_more_than_twice_as_many_as_random_play():
-    env, means = VectorEnv(TABLES, 32, task=billiards("potted"), seed=0), []
+    env, means = VectorEnv(TABLES, 9, task=billiards("potted"), seed=0), []
     for policy in (at_random(), by_script(env)):
         played = episodes(env, policy)
         assert np.array_equal(played["return"], played["balls_potted"]) and played["balls_potted"].max() >= 5
