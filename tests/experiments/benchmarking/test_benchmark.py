@@ -60,7 +60,6 @@ from tests.experiments.benchmarking import lab_method
 from tests.experiments.short_runs import run_module
 from tests.onnx_models import linear
 
-pytestmark = pytest.mark.compiled  # hundreds of levels are played
 SUITE = "place-few-v1"
 WITH_TWINS = "sight-mass-v1"
 LAB = "tests.experiments.benchmarking.lab_method"
@@ -106,6 +105,7 @@ def test_the_core_has_twelve_suites_and_all_axes():
         suites_named(["place-fow-v1"])
 
 
+@pytest.mark.compiled  # hundreds of levels are played, and later tests find the kernel
 @pytest.mark.parametrize("player", ["idle", "script"])
 def test_a_player_becomes_a_row_that_plays_again_to_the_bit(tmp_path, monkeypatch, player):
     row = row_made_here(config_of(tmp_path, player=player))
@@ -416,6 +416,7 @@ def test_a_trained_row_resumes_replays_and_can_be_made_again(tmp_path, capsys):
         benchmark(dataclasses.replace(config, again=("ppo-state-open",)))
 
 
+@pytest.mark.compiled
 def test_a_row_has_the_episodes_on_causal_twins_but_the_references_have_none(tmp_path):
     of, made = suite(WITH_TWINS), twins(suite(WITH_TWINS))
     names = {f"{'twin' if one.differs else 'control'}-{one.group}": int(one.found.sum()) for one in made.groups}
