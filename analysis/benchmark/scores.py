@@ -155,11 +155,16 @@ def places_of(table: pd.DataFrame, names: Sequence[str]) -> dict[str, tuple[int,
 def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """The lines of rows that are no players, on drawn levels of all of these suites, with the seeds that all of them share.
 
-    Where two rows have seeds enough for a place, those with fewer are left out, or one more row could undo a ranking.
+    Rows that are above chance on no more than half of the suites are left out, since every method is told apart from them.
+    Where two rows have seeds enough for a place, those with fewer are left out, too, or one more row could undo a ranking.
     """
     known = keep(table, table[DRAWN].notna() & ~table["row"].isin(list(PLAYERS)))
     part = complete(known, names)
-    seeds = {row: set(one["seed"]) for row, one in part.groupby("row", dropna=False)}
+    seeds = {}
+    for row, own in part.groupby("row", dropna=False):
+        lows = [mean_of_replicates(one[DRAWN].to_numpy()).low for _, one in own.groupby("suite", dropna=False)]
+        if np.mean(np.array(lows) <= 0) < 0.5:  # an interval that is unknown speaks against nobody
+            seeds[row] = set(own["seed"])
     placed = [row for row, own in seeds.items() if len(own) >= FEWEST_SEEDS]
     rows = placed if len(placed) > 1 else list(seeds)
     shared = set.intersection(*(seeds[row] for row in rows)) if rows else set()

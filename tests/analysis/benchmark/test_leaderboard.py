@@ -1,6 +1,7 @@
 """The leaderboard: what the shipped page and tables say is what the shipped rows say, and scores mean what they should."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -140,6 +141,17 @@ def test_a_row_with_too_few_seeds_for_a_place_does_not_undo_a_ranking_of_others(
     assert few.groupby("row")["seed"].nunique().to_dict() == {"better": 1, "worse": 1, "new": 1}
 
 
+def test_a_row_at_chance_makes_no_ranking_of_others():
+    lines = [
+        (row, name, seed) for row in ("better", "worse", "idle-like") for name in ("a", "b", "c") for seed in range(5)
+    ]
+    table = pd.DataFrame(lines, columns=["row", "suite", "seed"])
+    success = {"better": 0.6, "worse": 0.5, "idle-like": 0.0}
+    noise = np.random.default_rng(0).normal(0, 0.01, len(table))
+    found = learners_on(table.assign(**{DRAWN: table["row"].map(success) + noise}), ["a", "b", "c"])
+    assert set(found["row"]) == {"better", "worse"}
+
+
 def test_a_planted_cause_is_found_on_its_twins_and_on_no_control():
     """A player that fails on odd levels, and on the twins of a third of them."""
     lines = [("test", level, level % 2 == 0) for level in range(12)]
@@ -189,9 +201,12 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
     report_rows(rows)
     page = (rows / PAGE).read_text()
     ranked, _, rest = page.partition("## Practice test only")
-    assert "| `ahead` (not verified) | 1 |" in ranked and "| `behind` (not verified) | 2 |" in ranked
-    assert "`recorded`" not in ranked.partition("## All suites")[2]
-    assert "of 2 learners" in rest  # not of those with few seeds
+    found = dict(
+        re.findall(r"^\| `([\w-]+)`(?: \(not verified\))? \| (\d+|–)", ranked.partition("## All suites")[2], re.M)
+    )
+    assert int(found["ahead"]) < int(found["behind"]) and "recorded" not in found
+    asked = re.search(r"of (\d+) learners", rest)
+    assert asked and 2 <= int(asked[1]) <= sum(place != "–" for place in found.values())  # not those with few seeds
     assert "`recorded` (not verified)" in rest
 
 
