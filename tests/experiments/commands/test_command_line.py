@@ -1,5 +1,6 @@
 """Command lines that are not Hydra's: what they state, and how they refuse."""
 
+import re
 import runpy
 import sys
 from contextlib import suppress
@@ -85,7 +86,8 @@ def test_help_names_the_command_and_its_options(monkeypatch, capsys):
         runpy.run_module("segar.analysis.studies.w2", run_name="__main__", alter_sys=True)
     said = capsys.readouterr().out
     assert "usage: python -m segar.analysis.studies.w2" in said and "W2 of n training levels to 100 test levels" in said
-    assert "--seeds VALUE" in said and "default: 5" in said and "-o VALUE, --output VALUE" in said
+    assert "--seeds VALUE" in said and "default: 5" in said
+    assert re.search("-o( VALUE)?, --output VALUE", said)  # Python 3.13 names the value once
 
 
 def test_values_are_read_as_yaml():
