@@ -59,8 +59,9 @@ def check_representations(place: str, representations: Mapping[str, Sequence[str
     """Raises :class:`ConfigError` unless representations and their probes are known."""
     for name, probes in representations.items():
         require_known(place, name, REPRESENTATIONS)
+        is_list = isinstance(probes, Sequence) and not isinstance(probes, str)
         allowed = f"a list of {', '.join(EVERYTHING)}, and one of them other than {KSG}, which only adds to readouts"
-        require(not isinstance(probes, str) and bool({*probes} - {KSG}), f"{place}.{name}", probes, allowed)
+        require(is_list and any(probe != KSG for probe in probes), f"{place}.{name}", probes, allowed)
         for probe in probes:
             require_known(f"{place}.{name}", probe, EVERYTHING)
 
