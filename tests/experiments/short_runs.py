@@ -38,17 +38,20 @@ COMMAND = (
 
 def run_module(module, *arguments, cwd=WORKSPACE, **environment):
     """What ``python -m <module>`` does in a working directory, where a user's modules may lie: the process, which has ended."""
-    environment = {**os.environ, "PYTHONPATH": f"{WORKSPACE}{os.pathsep}{cwd}", **environment}
-    command = [sys.executable, "-m", module, *arguments]
-    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
+    return subprocess.run(**_as_module(module, arguments, cwd, environment), capture_output=True)
 
 
 def begin_module(module, *arguments, cwd=WORKSPACE, stdout=None, stderr=None, **environment):
     """The process of ``python -m <module>``, which has begun in a session of its own."""
-    environment = {**os.environ, "PYTHONPATH": f"{WORKSPACE}{os.pathsep}{cwd}", **environment}
+    asked = _as_module(module, arguments, cwd, environment)
+    return subprocess.Popen(**asked, stdout=stdout, stderr=stderr, start_new_session=True)
+
+
+def _as_module(module, arguments, cwd, environment):
+    """How a process is asked to run a module."""
+    paths = {"PYTHONPATH": f"{WORKSPACE}{os.pathsep}{cwd}"}
     command = [sys.executable, "-m", module, *arguments]
-    pipes = {"stdout": stdout, "stderr": stderr, "text": True, "start_new_session": True}
-    return subprocess.Popen(command, cwd=cwd, env=environment, **pipes)
+    return {"args": command, "cwd": cwd, "env": {**os.environ, **paths, **environment}, "text": True}
 
 
 def short_run(folder: Path, **changes: Any) -> RunConfig:
