@@ -30,10 +30,9 @@ collect_ignore = [] if PAPER.is_file() else ["project/test_paper_listings.py"]
 # Files that take long are begun first, so that no worker is left with one of them when the others are done. Those that compile
 # the kernels of others begin, each other ones: what several files ask for at once is compiled by each of them.
 LONG = (
-    *("playground/test_bits", "envs/test_device", "targets/test_targets", "engine/test_agreement"),
-    *("playground/test_studio", "lab/test_grades"),
-    *("engine/", "experiments/"),
-)
+    "playground/test_bits", "envs/test_device", "targets/test_targets", "engine/test_agreement", "playground/test_studio",
+    "lab/test_grades", "engine/", "experiments/",
+)  # fmt: skip
 
 
 # Where compiled kernels are the point.
