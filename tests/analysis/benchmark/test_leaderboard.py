@@ -190,23 +190,22 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
             columns = {"suite": [of.name] * 2, "seed": [seed] * 2, "levels": ["test"] * 2, "level": [0, 1]}
             played = {"return": [0.5, 0.6], "length": [3, 4], "success": [True, False], "death": [False, False]}
             new.append(NewPiece(Piece(of.name, of.hash, seed, levels), pa.table(columns | played, EPISODES), None))
-            solved = 600 - 150 * k + 7 * (k + 1) * seed
+            solved = 900 - 100 * k + 7 * (k + 1) * seed  # more than those of shipped rows
             drawn.append(Drawn(of.name, seed, "", "0" * 16, 1000, solved, 500, 1000, 3000, 2000, "0"))
         row = add_pieces(rows / name, Method(name, "player", "planted"), new)
         if name != "recorded":
             write_drawn(row, sorted(drawn, key=lambda one: (one.suite, one.seed)))
     found = figures_of(rows_in([rows]), pd.DataFrame(columns=["row", "suite", "seed", "group", "differs", "effect"]))
     assert places_of(found, CORE[:3]) == {"ahead": (1, 1), "behind": (2, 2)}
-    assert found.loc[found["row"] == "ahead", DRAWN].iloc[0] == pytest.approx((0.607 - 0.1) / 0.9)
+    assert found.loc[found["row"] == "ahead", DRAWN].iloc[0] == pytest.approx((0.907 - 0.1) / 0.9)
     report_rows(rows)
     page = (rows / PAGE).read_text()
     ranked, _, rest = page.partition("## Practice test only")
-    found = dict(
-        re.findall(r"^\| `([\w-]+)`(?: \(not verified\))? \| (\d+|–)", ranked.partition("## All suites")[2], re.M)
-    )
-    assert int(found["ahead"]) < int(found["behind"]) and "recorded" not in found
-    asked = re.search(r"of (\d+) learners", rest)
-    assert asked and 2 <= int(asked[1]) <= sum(place != "–" for place in found.values())  # not those with few seeds
+    assert "| `ahead` (not verified) | 1 |" in ranked and "| `behind` (not verified) | 2 |" in ranked
+    assert "`recorded`" not in ranked.partition("## All suites")[2]
+    placed = set(re.findall(r"^\| `([\w-]+)`(?: \(not verified\))? \| \d", ranked, re.M))
+    asked = placed - {"evolution"}  # which is at chance; nor are those with few seeds
+    assert {"ahead", "behind"} < asked and f"of {len(asked)} learners" in rest
     assert "`recorded` (not verified)" in rest
 
 

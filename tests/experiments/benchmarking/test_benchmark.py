@@ -445,12 +445,14 @@ def test_a_method_from_outside_becomes_a_row_of_its_actions_and_is_told_that_epi
 @pytest.mark.results
 def test_what_makes_a_row_again_are_its_own_suites_and_seeds(tmp_path):
     rows = [read_row(SHIPPED / name) for name in ("idle", "script", "ppo_fast-state-laptop")]
-    gaps = tuple(one for one in rows[-1].pieces if one.seed != 2)
-    for row in [*rows, dataclasses.replace(rows[-1], pieces=gaps)]:
+    gaps = dataclasses.replace(rows[-1], pieces=tuple(one for one in rows[-1].pieces if one.seed != 2))
+    for row in (*rows, gaps):
         found = [
             (name, seed) for one in again(config_of(tmp_path), row) for name in one.suites for seed in one.all_seeds()
         ]
         assert sorted(found) == sorted((piece.suite, piece.seed) for piece in row.pieces)
+    each = [(1, 1), (3, 1), (4, 1), (5, 1)]
+    assert sorted((one.run.seed, one.seeds) for one in again(config_of(tmp_path), gaps)) == each
 
 
 SHIPPED_ROWS = sorted(path.parent.name for path in SHIPPED.glob(f"*/{ROW}"))
