@@ -20,7 +20,7 @@ from segar.analysis.report.results import HARDER, Results
 from segar.analysis.tables import column, keep
 
 # What the name of a run tells (experiments/settings/run.py), and the test that a reason names.
-RUN = r"^(?P<family>[^-]+)-(?P<difficulty>[^-]+)-.*-(?P<algorithm>[^-]+)-s(?P<seed>\d+)-[0-9a-f]+$"
+RUN = r"^(?P<family>[^-]+)-(?P<difficulty>[^-]+)-(?:(?P<design>matched[^-]*)-)?.*-(?P<algorithm>[^-]+)-s(?P<seed>\d+)-\w+$"
 TEST = r"transfer-(?P<test_family>[^-]+)-(?P<test_difficulty>[^-]+)-[0-9a-f]+"
 
 

@@ -12,6 +12,7 @@ from segar.analysis.report.results import ETA, LESS_REGRET, MEMORY, SUCCESS, Res
 from segar.analysis.report.rules import WHOLE
 from segar.analysis.studies.w2 import TEST_LEVELS
 from segar.analysis.tables import column, count_of, keep, mean_by, pick, select
+from segar.experiments.settings import MATCHED_DESIGNS
 
 CONTROL = "nuisance_only"  # a design that is one level many times
 PAPER_AGENT = "paper_agent"
@@ -104,15 +105,22 @@ def replicated_probes(evidence: Evidence) -> pd.DataFrame:
     return found.assign(replicate_part=found["within"] / of_family)
 
 
-def matched_states(evidence: Evidence) -> pd.DataFrame:
+def matched_states(evidence: Evidence, experiment: str = "matched_sets_states") -> pd.DataFrame:
     """The matched sets of agents that see states, with ``relative_regret``: the regret on test levels in parts of its mean
     after sets like independent ones of the same family and number of levels; none where the planner was not measured."""
-    runs = evidence.results.with_less_regret(evidence.results.of("matched_sets_states"))
+    runs = evidence.results.with_less_regret(evidence.results.of(experiment))
     if runs.empty or LESS_REGRET not in runs:
         return runs.head(0)
     like, cell = select(runs, design="matched"), ["family", "n"]
     runs = runs.merge(mean_by(like.assign(usual=like[LESS_REGRET]), cell, ["usual"]), on=cell)
     return runs.assign(relative_regret=runs[LESS_REGRET] / runs["usual"])
+
+
+def doses(evidence: Evidence) -> pd.DataFrame:
+    """Matched sets as in :func:`matched_states`, with their doses, in standard deviations of independent ones."""
+    runs = matched_states(evidence, "dose_response")
+    wanted = [MATCHED_DESIGNS[name] for name in runs["design"]]
+    return runs.assign(**{f"{name}_dose": [one[name] for one in wanted] for name in ("w2", "radius")})
 
 
 def soft_actor_critic(evidence: Evidence) -> pd.DataFrame:
@@ -219,6 +227,7 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "one number of levels": one_number_of_levels,
     "matched sets": lambda evidence: evidence.results.of("matched_sets"),
     "matched sets from states": matched_states,
+    "doses": doses,
     "the paper's agent": papers_agent,
     "harder levels": harder_levels,
     "probes": probes,

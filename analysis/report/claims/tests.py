@@ -33,6 +33,7 @@ class StatedTest:
     """One test of a claim, by the names of columns of its runs.
 
     ``correlation``  Pearson's r of ``of`` and ``against`` given the columns ``given``
+    ``slope``        the slope of ``of`` on ``against`` in least squares given the columns ``given``
     ``difference``   the mean of ``of`` at one value of a column less that at another over pairs of runs that are equal in the
                      columns ``same``; ``between`` names the column and the two values, or several such pairs. Without
                      ``between``, the mean of ``of``, which is a difference already
@@ -109,6 +110,11 @@ def correlation(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Fou
     return "partial Pearson r" if test.given else "Pearson r", found, MARGINS["correlation"]
 
 
+def slope(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
+    """The slope of least squares."""
+    return "slope", evidence.slope(rows, test.against, test.of, test.given), small_difference(rows, test.of)
+
+
 def mean(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
     """The mean over runs, or over pairs of runs."""
     if test.between:
@@ -130,7 +136,7 @@ def explained_by(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Fo
 
 
 TESTS: Mapping[str, Callable[[Evidence, pd.DataFrame, StatedTest], Found]] = {
-    "correlation": correlation, "difference": mean, "mean": mean, "explained": explained_by,
+    "correlation": correlation, "slope": slope, "difference": mean, "mean": mean, "explained": explained_by,
 }  # fmt: skip
 
 

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
 
-import numpy as np
 import pandas as pd
 
 from segar.analysis.plotting.names import word_for
@@ -14,9 +13,8 @@ from segar.analysis.report.claims.statements import STATEMENTS, tested
 from segar.analysis.report.claims.verdicts import is_significant
 from segar.analysis.report.number_format import NONE, effect, estimate_text, plain, with_interval
 from segar.analysis.report.results import ETA, SUCCESS
-from segar.analysis.stats.correlation import indicators
 from segar.analysis.stats.estimate import Estimate
-from segar.analysis.tables import column, count_of, keep, select
+from segar.analysis.tables import count_of, keep, select
 
 # Other outcomes that the rules name; the return on test levels falls as the regret grows.
 SECOND = {"gap_success": "gap in success", "gap": "gap in returns", ETA: "return on test levels (less regret)"}
@@ -63,15 +61,8 @@ def at_each_n(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
 
 def slope_of_ks(evidence: Evidence, distances: pd.DataFrame) -> dict[str, str]:
     """The power of the effective n with which KS falls, with its interval: ``slope``."""
-    panel, at = indicators(list(distances["train"])), column(distances, "log_effective_n")
-    values = np.column_stack([column(distances, "log_ks"), np.ones(len(distances)), panel, at])
-    found = evidence.by_blocks(distances, values, last_slope, ("train", "seed"))
+    found = evidence.slope(distances, "log_effective_n", "log_ks", ["train"], ("train", "seed"))
     return {"slope": with_interval(found)}
-
-
-def last_slope(values: np.ndarray) -> float:
-    """The slope of the last column, in least squares of the first on all others."""
-    return float(np.linalg.lstsq(values[:, 1:], values[:, 0], rcond=None)[0][-1])
 
 
 def success_at_both_ends(evidence: Evidence, runs: pd.DataFrame) -> str:
@@ -112,7 +103,7 @@ def fall_over_all_runs(evidence: Evidence, runs: pd.DataFrame) -> str:
     return f"Over all runs, it falls: {estimate_text(one.found)}." if falls else ""
 
 
-AT_EACH_N = ("4b-factors", "matched-w2", "matched-coverage", "states-w2", "states-coverage")
+AT_EACH_N = ("4b-factors", "matched-w2", "matched-coverage", "states-w2", "states-coverage", "dose-w2", "dose-coverage")
 # Numbers that the sentences of a claim name in braces, from its evidence and rows.
 NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {"A-ks": slope_of_ks}
 # What is said after the sentence of a claim's verdict, with numbers from its evidence and rows.

@@ -126,16 +126,6 @@ SHORT = {
 }  # fmt: skip
 """Of words of findings, so that the tests have room in their tables."""
 FINDING_HEAD = (
-    "settings",
-    "runs",
-    "test",
-    "effect is",
-    "effect",
-    "95 %",
-    "n in blocks",
-    "p",
-    "margin",
-    "power",
-    "in place of W2",
+    "settings", "runs", "test", "effect is", "effect", "95 %", "n in blocks", "p", "margin", "power", "in place of W2",
     "verdict",
-)
+)  # fmt: skip

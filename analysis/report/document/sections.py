@@ -9,7 +9,7 @@ import pandas as pd
 from segar.analysis.plotting.names import WORDS
 from segar.analysis.report.captions import GLOSSARY, SETTINGS, TABLES, TEXTS
 from segar.analysis.report.claims import verdicts
-from segar.analysis.report.claims.claim import LEARNED, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
+from segar.analysis.report.claims.claim import METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
 from segar.analysis.report.claims.evidence import Evidence
 from segar.analysis.report.document import tables
 from segar.analysis.report.document.blocks import (
@@ -55,10 +55,11 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         Heading("What the paper says"),
         claims_table([claim for claim in claims if claim.of == OF_PAPER]),
         Heading("Questions that we add"),
-        claims_table([claim for claim in claims if claim.of != OF_PAPER]),
+        claims_table([claim for claim in claims if claim.of != OF_PAPER], folded=True),
         *what_is_missing(evidence),
         *section("W2, coverage or diversity?", 2, "matched_sets"),
         *boxes("matched-w2", "matched-coverage", "states-w2", "states-coverage"),
+        *section("Doses of distance and of coverage", 2, "dose_response", "dose-w2", "dose-coverage"),
         *section("Out of distribution", 2, "figure_4a", "4a-larger", "4a-shift", "4a-trend", "4a-all"),
         *([Heading("How many levels close the gap"), *drawn("train_and_test")] if there else []),
     ]
@@ -153,8 +154,8 @@ def levels_close(evidence: Evidence) -> str:
 
 
 def leading(claim: Claim, settings: str) -> Finding | None:
-    """The first test of a claim that has a number, with the runs that learned; None where there is none."""
-    return next((one for one in claim.tests(settings, LEARNED) if np.isfinite(one.found.estimate)), None)
+    """The first test of a claim that has a number, with the runs that its verdict is about; None where there is none."""
+    return next((one for one in claim.tests(settings, claim.runs) if np.isfinite(one.found.estimate)), None)
 
 
 def number(one: Finding) -> str:
@@ -162,12 +163,12 @@ def number(one: Finding) -> str:
     return estimate_text(one.found, SHORT.get(one.measure, one.measure))
 
 
-def claims_table(claims: Sequence[Claim]) -> Table:
+def claims_table(claims: Sequence[Claim], folded: bool = False) -> Table:
     """One row per claim, in the order of the paper: the verdict, its numbers, its runs, and what is missing."""
     rows = []
     for claim in claims:
         settings = METRIC_OURS if claim.has(METRIC_OURS) else METRIC_2022
-        some = claim.tests(settings)
+        some = claim.tests(settings, claim.runs)
         known = [one for one in some if np.isfinite(one.found.low)]
         numbers = number(known[0]) if len(some) == len(known) == 1 else verdicts.counted(one.verdict for one in some)
         if p := claim.taken_by(settings):
@@ -175,15 +176,9 @@ def claims_table(claims: Sequence[Claim]) -> Table:
         planned = claim.planned
         runs = f"{planned.present} of {planned.planned}" if planned.planned else ""
         rows.append([claim.name, claim.verdict(settings), claim.statement, numbers, runs, claim.needs])
-    head = (
-        "",
-        "verdict",
-        "statement, in our words",
-        "in numbers, or tests by themselves",
-        "planned runs",
-        "it would take",
-    )
-    return Table(head, rows, 6, TABLES["verdicts"])
+    tested = "in numbers, or tests by themselves"
+    head = ("", "verdict", "statement, in our words", tested, "planned runs", "it would take")
+    return Table(head, rows, 6, TABLES["verdicts"], folded)
 
 
 def who_counts(evidence: Evidence) -> list[Block]:

@@ -18,7 +18,7 @@ from segar.analysis.plotting.figures import (
 )
 from segar.analysis.plotting.names import word_for
 from segar.analysis.report.claims.evidence import DISTANCES, Evidence
-from segar.analysis.report.claims.rows import all_rule_set_runs, one_number_of_levels, trial_columns, trial_runs
+from segar.analysis.report.claims.rows import all_rule_set_runs, doses, one_number_of_levels, trial_columns, trial_runs
 from segar.analysis.report.figures.drawing import (
     CELL,
     Drawn,
@@ -39,6 +39,7 @@ from segar.analysis.tables import column, keep, pick, select
 
 SUCCESS = "success_test_deterministic"
 COST = "return there − on own test levels"
+DOSES = (("w2_dose", "radius_dose", "W2, coverage equal"), ("radius_dose", "w2_dose", "covering radius, W2 equal"))
 DESIGN_ORDER = ("matched", "matched_far", "matched_sparse", "matched_far_sparse")
 
 
@@ -243,4 +244,24 @@ def matched_sets(evidence: Evidence) -> Drawn:
         axes.set_xticks(range(len(order)), [word_for(name) for name in order], rotation=35, ha="right", fontsize=9)
         axes.set_title(f"{word_for(family)}, n = {n}")
     figure.supylabel("gap in success (test − training)", fontsize=10.5)
+    return Drawn(figure, table)
+
+
+def dose_response(evidence: Evidence) -> Drawn:
+    """The regret of agents that see states against the doses of W2 and of the covering radius of their training sets."""
+    why = "it was not run, or the planner was not measured (`experiments=[dose_response, anchors]`)"
+    runs = drawable(doses(evidence), why, "design")
+    table = pick(runs, [*CELL, "design", "w2_dose", "radius_dose", "w2_exact", "radius", "relative_regret"])
+    figure = new_figure(8.4, 3.6)
+    grid = figure.subplots(1, 2, sharey=True)
+    for axes, (dose, other, words) in zip(grid, DOSES, strict=True):
+        part = keep(table, table[other] == 0)
+        for k, family in enumerate(style.ordered(part["family"])):
+            mine = select(part, family=family)
+            means = unit_means(mine, dose, "relative_regret", -np.inf, np.inf)
+            draw_means(axes, k, column(means, dose) + 0.06 * (k - 1), means, f"{word_for(family)}, {len(mine)} runs")
+        axes.set(xticks=sorted(set(part[dose])), xlabel=f"{words}\n[standard deviations of independent sets]")
+        axes.legend(loc="lower left")
+    grid[0].set_yscale("symlog", linthresh=2)
+    grid[0].set(yticks=(0, 1, 2, 4, 8), yticklabels="01248", ylabel="regret on test levels\n(1: independent sets)")
     return Drawn(figure, table)

@@ -109,11 +109,13 @@ def draw_means(
     axes.errorbar(x, column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
 
 
-def unit_means(table: pd.DataFrame, by: str, value: str, least: float = 0.0) -> pd.DataFrame:
+def unit_means(table: pd.DataFrame, by: str, value: str, least: float = 0.0, most: float = 1.0) -> pd.DataFrame:
     """The mean of ``value`` over the runs with each value of the column ``by``, with its interval, which ends at ``least`` and
-    1."""
+    ``most``."""
     groups = table.groupby(by, dropna=False)
-    return pd.DataFrame([mean_of_units(column(part, value), "runs", least, 1.0).row(**{by: at}) for at, part in groups])
+    return pd.DataFrame(
+        [mean_of_units(column(part, value), "runs", least, most).row(**{by: at}) for at, part in groups]
+    )
 
 
 def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "") -> Figure:

@@ -138,8 +138,8 @@ def test_all_experiments_find_their_place(tmp_path, undrawn):
     folder = write_results(tmp_path / "standard-1234", everything(np.random.default_rng(0), seeds=1))
     report = make_report(ReportConfig(str(folder)))
     drawn = {path.stem for path in report.files if path.suffix == ".svg"}
-    # There are no tables of studies here, so no floor and no scores, either.
-    assert drawn == set(FIGURES) - {"w2_study", "performance_profiles"}
+    # There are no tables of studies here, so no floor, no planner and no scores, either.
+    assert drawn == set(FIGURES) - {"w2_study", "performance_profiles", "dose_response"}
     page = (folder / "report.html").read_text()
     assert "its experiments at scale <code>standard</code>" in page
     assert "No figure: the study of distances was not run" in page

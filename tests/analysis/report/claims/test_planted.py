@@ -6,7 +6,8 @@ import pytest
 
 from segar.analysis.report.claims.claim import LEARNED, METRIC_OURS
 from segar.analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
-from tests.synthetic_results import claims_of, evidence_of, run_rows
+from segar.experiments.settings import MATCHED_DESIGNS
+from tests.synthetic_results import claims_of, evidence_of, player_rows, run_rows, write_players
 
 HEADLINE = ("3a", "3a-panel", "3a-n", "3a-cell")
 
@@ -96,3 +97,25 @@ def test_an_outcome_without_room_for_the_margin_cannot_be_tested(tmp_path):
     easy = claims_on(tmp_path, runs.assign(**almost))
     assert set(verdicts_of(easy, (*HEADLINE, "5b-easy")).values()) == {NOT_TESTABLE}
     assert "no room" in easy["5b-easy"].tests(METRIC_OURS, LEARNED)[0].lacks_room
+
+
+def test_the_slope_of_regret_on_a_dose_is_found_and_sets_that_cannot_be_had_count_for_that_dose_alone(tmp_path):
+    """Regret grows by a fifth for each standard deviation of W2, and not with the covering radius."""
+    rng, parts = np.random.default_rng(3), []
+    place = {"families": ("empty", "objectsx1"), "difficulties": ("medium",), "counts": (12, 20), "seeds": 10}
+    for design, wanted in MATCHED_DESIGNS.items():
+        if design != "matched_far_sparse":
+            runs = run_rows(rng, "dose_response", design=design, observation="state", **place)
+            regret = runs["n"] / 10 * (1 + 0.2 * wanted["w2"] + 0.1 * rng.normal(size=len(runs)))
+            names = zip(runs["family"], runs["n"], runs["seed"], strict=True)
+            run = [f"{family}-medium-{design}-n{n}-state-ppo_fast-s{seed}-0a1b" for family, n, seed in names]
+            success = {"success_train_deterministic": 0.95, "success_test_deterministic": 0.5}
+            parts.append(runs.assign(run=run, eta_test_deterministic=-regret, **success))
+    runs = pd.concat(parts, ignore_index=True)
+    write_players(tmp_path, player_rows())
+    gone = runs[(runs["design"] == "matched_far_4.5") & (runs["seed"] > 7)]
+    found = claims_on(tmp_path, runs.drop(gone.index), lacking(gone, "dose_response"))
+    assert verdicts_of(found, ("dose-w2", "dose-coverage")) == {"dose-w2": SUPPORTED, "dose-coverage": NOT_SUPPORTED}
+    (slope,) = found["dose-w2"].tests(METRIC_OURS)
+    assert slope.found.estimate == pytest.approx(0.2, abs=0.02) and slope.margin == pytest.approx(0.2 / 3, abs=1e-6)
+    assert [str(found[name].planned)[:10] for name in ("dose-w2", "dose-coverage")] == ["148 of 160", "120 of 120"]
