@@ -119,6 +119,7 @@ def matched_states(evidence: Evidence, experiment: str = "matched_sets_states") 
 def doses(evidence: Evidence) -> pd.DataFrame:
     """Matched sets as in :func:`matched_states`, with their doses, in standard deviations of independent ones."""
     runs = matched_states(evidence, "dose_response")
+    runs = keep(runs, runs["design"].isin(list(MATCHED_DESIGNS)))
     wanted = [MATCHED_DESIGNS[name] for name in runs["design"]]
     return runs.assign(**{f"{name}_dose": [one[name] for one in wanted] for name in ("w2", "radius")})
 
