@@ -15,7 +15,6 @@ import json
 import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +41,7 @@ UNNAMEABLE = re.compile(r"[^/\w.\- :]")  # characters that the names of metrics 
 VALUE_LENGTH = 500  # of a parameter, in characters
 
 
-@dataclass
+@dataclasses.dataclass
 class SyncState:
     """How much of a run was sent, and to which store."""
 
@@ -51,6 +50,7 @@ class SyncState:
     begun: int  # [ms] since 1970; when the run was begun
     run_id: str | None = None
     sent: int = 0  # rows of metrics.parquet
+    tried: int = 0  # rows that the store may have: those sent, and those whose sending was begun
     files: list[str] = dataclasses.field(default_factory=list)
     status: str | None = None  # MLflow's word for how the run stands
 
@@ -87,12 +87,12 @@ class RunSync:
         return client
 
     def replace_if_ahead(self, rows: int) -> None:
-        """Begins the run anew in the store where that was sent more than its first ``rows`` rows.
+        """Begins the run anew in the store where that may have more than its first ``rows`` rows.
 
         A run that was killed is resumed with fewer rows, and its next ones are made again. Those that were sent before would
         stand twice in MLflow, which can delete a run but no single figure.
         """
-        if self.state.sent > rows:
+        if max(self.state.sent, self.state.tried) > rows:
             (self.folder / SYNC_STATE).replace(self.folder / REPLACED)
             self.state = SyncState(self.state.store, self.state.experiment, self.state.begun)
             self.client = None
@@ -109,8 +109,10 @@ class RunSync:
             self._send_status(client, status)
         while state.sent < len(rows):
             batch = rows[state.sent : state.sent + BATCH]
+            state.tried = state.sent + len(batch)
+            self.write_state()
             calling(client.log_batch, state.run_id, metrics=[self._metric(row) for row in batch])
-            state.sent += len(batch)
+            state.sent = state.tried
             self.write_state()
         for path in files:
             if path.name not in state.files:

@@ -185,6 +185,19 @@ def test_a_run_that_lost_figures_which_it_had_sent_has_each_once(store, tmp_path
     assert has_each_figure_once(client, one.info.run_id, tmp_path / "run")
 
 
+def test_a_run_that_is_killed_while_the_store_takes_figures_which_it_loses_has_each_once(store, monkeypatch):
+    config, folder = RunConfig(root=str(store), seed=8, tracking=TrackingConfig(interval=1000.0)), store / "8"
+    sync = mlflow_sync.RunSync(config, folder)
+    sync.send(rows(7.0), [], "RUNNING")
+    log_batch = sync.client.log_batch
+    monkeypatch.setattr(sync.client, "log_batch", lambda *args, **more: stop(log_batch(*args, **more)))
+    with pytest.raises(Killed):
+        sync.send(rows(7.0, 8.0, 9.0), [], "RUNNING")
+    start_tracking(config, folder, rows(7.0)).finish("FINISHED")
+    client, one = run_in(store, folder)
+    assert [point.value for point in client.get_metric_history(one.info.run_id, "episode/length")] == [7.0]
+
+
 def test_figures_are_sent_in_batches(store, monkeypatch):
     config, sent = RunConfig(root=str(store), seed=7, tracking=TrackingConfig(interval=1000.0)), []
     tracker = start_tracking(config, store / "7", sent)
