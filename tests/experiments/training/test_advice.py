@@ -1,12 +1,14 @@
 """Large numbers in a state, entities without a position and world parameters that it does not show are told of where they
 matter, before training, by name and with the settings that are the way out."""
 
+import numpy as np
 import pytest
 
 from segar.envs import VectorEnv
 from segar.errors import LevelError
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
+from segar.experiments.training import advice
 from segar.experiments.training.advice import (
     advice_on_entities,
     advice_on_numbers,
@@ -57,6 +59,15 @@ def test_a_counter_is_found_with_its_largest_value_and_the_setting_that_divides_
 @pytest.mark.parametrize("options", [{"scale": {"Clock": 200}}, {"hidden": ["Clock"]}])
 def test_nothing_is_said_of_a_counter_that_is_divided_or_hidden(options):
     assert large_numbers(on_the_clock(options)) == {}
+
+
+@pytest.mark.parametrize(("share", "is_named"), [(0.005, False), (0.02, True)])
+def test_a_number_is_named_that_is_large_in_more_than_a_hundredth_of_the_states(monkeypatch, share, is_named):
+    prepared, name = prepared_of("empty-hard", count=10), "golfball.Velocity.x"
+    env, played = advice.random_play(prepared, advice.NUMBER_STEPS)
+    sizes = np.abs(np.concatenate([now.observation for now in played])[:, env.observation.names.index(name)])
+    monkeypatch.setattr(advice, "LARGE", np.quantile(sizes, 1 - share))
+    assert (name in large_numbers(prepared)) == is_named
 
 
 @pytest.mark.parametrize("levels", ["empty-easy", "empty-hard", "objectsx1-medium", "tilesx1-hard"])

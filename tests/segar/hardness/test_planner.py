@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -126,3 +127,9 @@ def test_a_task_without_a_script_is_planned_for_all_the_same():
     task = dataclasses.replace(segar.puttputt(), demo_actions=None)
     found = plan(levels, task, rng=np.random.default_rng(0), samples=64, iterations=6)
     assert found.solved.mean() >= 0.9 and replay(levels, found, task).all()
+
+
+def test_a_failure_that_ends_early_is_valued_as_if_its_last_reward_went_on_and_a_success_by_its_return():
+    ended = {"steps": np.full(4, 10), "returns": np.full(4, -5.0), "last_reward": np.array([-2.0, -2.0, 1.0, 0.0])}
+    episodes = SimpleNamespace(**ended, solved=np.array([True, False, False, False]))
+    assert value(episodes, SimpleNamespace(max_steps=12)).tolist() == [-5.0, -9.0, -5.0, -5.0]

@@ -285,6 +285,7 @@ def test_one_draw_without_size_is_a_number():
         (lambda: sn.Choice([0.0, math.nan]), "a key is not a number"),
         (lambda: sn.Choice([1, 2], ["a", 1]), "probabilities must be a list of numbers"),
         (lambda: sn.Mixture(sn.Bernoulli(0.5)), "Mixture: laws must be a list"),
+        (lambda: sn.Mixture([sn.UniformNoise(0, 1), 3.0]), "all on the line or all on the plane"),
         (lambda: sn.GaussianMixtureNoise(0.0, 1.0), "means must be a list, not 0.0"),
         (lambda: sn.DiscreteRangeNoise(0, math.inf), "low and high must be whole numbers"),
         (lambda: sn.UniformNoise("0", 1.0), r"must be two numbers \(low, high\)"),

@@ -1,5 +1,6 @@
 """What people are shown is what the state holds, for things of one's own as well."""
 
+from types import SimpleNamespace
 from typing import Tuple
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 
 import segar
 from segar import Ball, Charge, GoalTile, GolfBall, Mass, Position, SandTile, Shape
-from segar.language import Heat
+from segar.language import NO_LIMIT, Heat
 from segar.rendering import Stage
+from segar.rendering.camera import status_line
 from segar.tasks.puttputt_task import puttputt
 
 
@@ -97,3 +99,10 @@ def test_a_hull_is_where_its_vertices_are():
     figure = scene_of(SandTile({Position: (0.1, 0.2), Shape: triangle})).figures[0]
     assert sorted(map(tuple, figure.corners.round(9).tolist())) == [(0.1, 0.2), (0.1, 0.5), (0.5, 0.2)]
     assert figure.radius == pytest.approx(0.4)
+
+
+def test_the_line_below_the_arena_names_the_limit_of_steps_where_there_is_one():
+    now = SimpleNamespace(lengths=[3], returns=[-0.0001], state=SimpleNamespace(level=[7]))
+    rest = "return 0.000    level 7    putt"
+    assert status_line(SimpleNamespace(name="putt", max_steps=100), now, 0) == f"step 3 / 100    {rest}"
+    assert status_line(SimpleNamespace(name="putt", max_steps=NO_LIMIT), now, 0, "DEAD") == f"step 3    {rest}    DEAD"
