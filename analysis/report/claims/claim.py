@@ -109,7 +109,7 @@ class Claim:
             return self.untested
         if self.planned.is_short:
             return verdicts.NOT_YET
-        found = verdicts.combined(one.verdict for one in self.tests(settings, runs or self.runs))
+        found = verdicts.combined(one.verdict for one in self.tests(settings, runs))
         return verdicts.UNDECIDED if self.taken_by(settings, runs) else found
 
     def last_verdict(self, readings: Sequence[str]) -> str:
@@ -118,7 +118,7 @@ class Claim:
 
     def taken_by(self, settings: str, runs: str = "") -> float:
         """The corrected p that takes a verdict away which its tests support by themselves; 0 where none does."""
-        found = verdicts.combined(one.verdict for one in self.tests(settings, runs or self.runs))
+        found = verdicts.combined(one.verdict for one in self.tests(settings, runs))
         p = self.corrected.get((settings, runs or self.runs), 0.0)
         return p if found == verdicts.SUPPORTED and p >= ALPHA else 0.0
 
@@ -133,9 +133,9 @@ class Claim:
         """Whether there is any test in these settings."""
         return any(one.settings == settings for one in self.findings)
 
-    def tests(self, settings: str, runs: str = LEARNED) -> list[Finding]:
-        """The findings in these settings, with these runs."""
-        return [one for one in self.findings if one.settings == settings and one.runs == runs]
+    def tests(self, settings: str, runs: str = "") -> list[Finding]:
+        """The findings in these settings, with these runs; left out, those that the verdict is about."""
+        return [one for one in self.findings if one.settings == settings and one.runs == (runs or self.runs)]
 
 
 def with_holm(claims: Sequence[Claim]) -> list[Claim]:

@@ -155,7 +155,7 @@ def levels_close(evidence: Evidence) -> str:
 
 def leading(claim: Claim, settings: str) -> Finding | None:
     """The first test of a claim that has a number, with the runs that its verdict is about; None where there is none."""
-    return next((one for one in claim.tests(settings, claim.runs) if np.isfinite(one.found.estimate)), None)
+    return next((one for one in claim.tests(settings) if np.isfinite(one.found.estimate)), None)
 
 
 def number(one: Finding) -> str:
@@ -168,7 +168,7 @@ def claims_table(claims: Sequence[Claim], folded: bool = False) -> Table:
     rows = []
     for claim in claims:
         settings = METRIC_OURS if claim.has(METRIC_OURS) else METRIC_2022
-        some = claim.tests(settings, claim.runs)
+        some = claim.tests(settings)
         known = [one for one in some if np.isfinite(one.found.low)]
         numbers = number(known[0]) if len(some) == len(known) == 1 else verdicts.counted(one.verdict for one in some)
         if p := claim.taken_by(settings):
