@@ -21,6 +21,7 @@ from segar.experiments.settings import (
     DEFAULT_TASK,
     DESIGNS,
     MATCHED_DESIGNS,
+    MECHANISM_DESIGN,
     OWN_TASK,
     RULE_SETS_DESIGN,
     TARGET_DESIGN,
@@ -34,7 +35,16 @@ from segar.experiments.settings import (
     named_distributions,
 )
 from segar.language import Order, Task, code_place
-from segar.levels import LevelDistribution, Levels, family
+from segar.levels import (
+    LEVEL_ARRAYS,
+    LevelDistribution,
+    Levels,
+    family,
+    mechanisms,
+    moments,
+    with_mechanisms,
+    with_room,
+)
 from segar.metrics import design, matched_set, w2
 from segar.observations import OBSERVATIONS, trained_on
 from segar.support import object_name
@@ -42,6 +52,7 @@ from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
 RESULT_ENVS = 7  # in which results are tried; no number that arrays have by chance
+WORLD = "World"  # the mechanism that rules are, of which a set of levels has one
 INDEPENDENT_SETS = 5  # of training levels; their mean W2 to the test levels is the unit of designs such as w2_x1.2
 
 
@@ -142,6 +153,8 @@ def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
         return distribution.sample(config.number, seed=config.seed, split="train")
     if RULE_SETS_DESIGN.fullmatch(config.design):
         return levels_of_rule_sets(distribution, config, test)
+    if MECHANISM_DESIGN.fullmatch(config.design):
+        return levels_with_mechanism(distribution, config, test)
     if config.design in MATCHED_DESIGNS:
         return matched_set(distribution, config.number, test=test, seed=config.seed, **MATCHED_DESIGNS[config.design])
     if config.design not in DESIGNS:
@@ -161,6 +174,43 @@ def own_design(distribution: Any, config: LevelsConfig, test: Any) -> Levels:
         made = f"{len(levels)} levels" if isinstance(levels, Levels) else type(levels).__name__
         raise ConfigError(f"levels.design: {config.design} returns {made}, not {config.number} levels (segar.Levels)")
     return levels
+
+
+def levels_with_mechanism(distribution: Any, config: LevelsConfig, test: Levels) -> Levels:
+    """Training levels of which a part has one mechanism, such as the prior on mass, of the distribution of the test levels.
+
+    ``Mass_of_test_30``: the first 30 % of the levels; all else in them is as in training. Units of factors are those of all
+    levels that can be drawn so.
+
+    Raises:
+        ConfigError: one of the distributions is no :class:`segar.LevelDistribution`, they have no such mechanism or the same
+            one, or their levels do not fit into one set.
+    """
+    name, percent = MECHANISM_DESIGN.fullmatch(config.design).groups()  # type: ignore[union-attr]
+    other, place = test.distribution, f"levels.design: {config.design}"
+    if not isinstance(distribution, LevelDistribution) or not isinstance(other, LevelDistribution):
+        raise ConfigError(f"{place} is of training and test levels that are drawn from level distributions")
+    before, after = mechanisms(distribution), mechanisms(other)
+    if name not in after or name == WORLD:
+        known = [one for one in after if one != WORLD]
+        raise ConfigError(f"{place}: the test distribution has no mechanism '{name}'.{did_you_mean(name, known)}")
+    if before.get(name) == after[name]:
+        raise ConfigError(f"{place}: training and test levels have the same {name}; levels.test_variation changes it")
+    changed = with_mechanisms(distribution, other, [name])
+
+    def drawn(n: int, seed: int, split: str) -> Levels:
+        own, given = distribution.sample(n, seed=seed, split=split), changed.sample(n, seed=seed, split=split)
+        if own.layout != given.layout:
+            raise ConfigError(f"{place}: levels with the {name} of the test have other slots, types or parameters")
+        own, given, k = with_room(own, given), with_room(given, own), round(n * int(percent) / 100)
+        parts = {one: (getattr(given, one)[:k], getattr(own, one)[k:]) for one in LEVEL_ARRAYS}
+        made = dataclasses.replace(own.provenance, name=f"{own.provenance.name}, {config.design}", distribution="")
+        arrays: dict[str, Any] = {one: np.concatenate(pair) for one, pair in parts.items()}
+        return dataclasses.replace(own, **arrays, provenance=made, distribution=None)
+
+    levels = drawn(config.number, config.seed, "train")
+    spread = drawn(moments.SPREAD_SAMPLE, 0, "spread")
+    return dataclasses.replace(levels, moments=moments.moments_of_levels(spread))
 
 
 def levels_at_target(distribution: Any, config: LevelsConfig, test: Any) -> Any:

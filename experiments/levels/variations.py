@@ -11,9 +11,9 @@ from functools import cache
 from typing import Any
 
 from segar.experiments.settings import import_object
-from segar.language import FloorFriction, GolfBall, Gravity, Mass, Parameter
+from segar.language import FloorFriction, GoalTile, GolfBall, Gravity, Mass, Parameter, Position
 from segar.levels import LevelDistribution, Prior
-from segar.noise import UniformNoise
+from segar.noise import Noise, RandomBottomLocation, RandomTopLocation, RandomUniformLocation, UniformNoise
 from segar.rules import DEFAULT_RULES, RuleSpace, apply_friction, lorentz_law, lorentz_law_r2, record_drag, templates
 from segar.tasks import with_conditions
 
@@ -54,6 +54,23 @@ def part_of_rules(part: str, by: str) -> RuleSpace:
     return templates.dynamics_space().split(part, by)
 
 
+def shifted(mass: Noise, friction: Noise, ball: Noise, goal: Noise) -> Variation:
+    """The variation with another mass of the ball [kg], friction of the floor, and places where ball and goal start."""
+
+    def change(dist: LevelDistribution) -> LevelDistribution:
+        priors = [
+            Prior(Mass, mass, entity_type=GolfBall),
+            Prior(Position, ball, entity_type=GolfBall),
+            Prior(Position, goal, entity_type=GoalTile),
+        ]
+        drawn = {(one.factor, one.entity_type) for one in priors}
+        others = [one for one in dist.priors if (one.factor, one.entity_type) not in drawn]
+        changed = dataclasses.replace(dist, priors=(*others, *priors))
+        return with_parameter(FloorFriction, friction)(changed)
+
+    return change
+
+
 VARIATIONS: Mapping[str, Variation] = {
     "ball_mass": with_prior(Prior(Mass, MASSES, entity_type=GolfBall)),
     "ball_heavy": with_prior(Prior(Mass, 3.0, entity_type=GolfBall)),
@@ -65,6 +82,13 @@ VARIATIONS: Mapping[str, Variation] = {
     "frictionless": without(apply_friction, record_drag),
     "without_fields": without(lorentz_law),
     "fields_r2": with_rules(lambda known: tuple(lorentz_law_r2 if rule is lorentz_law else rule for rule in known)),
+    "moderate": shifted(UniformNoise(0.8, 1.2), UniformNoise(0.4, 0.6), RandomBottomLocation(), RandomTopLocation()),
+    "heavy_smooth": shifted(
+        UniformNoise(1.5, 2.0), UniformNoise(0.15, 0.25), RandomBottomLocation(), RandomUniformLocation()
+    ),
+    "light_rough": shifted(
+        UniformNoise(0.4, 0.6), UniformNoise(0.8, 1.0), RandomUniformLocation(), RandomTopLocation()
+    ),
     "conditions": with_conditions,
     "rule_space": with_rule_space("train", "combinations"),
     "rule_space_unseen": with_rule_space("test", "combinations"),

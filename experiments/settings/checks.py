@@ -28,6 +28,7 @@ MATCHED_DESIGNS: Mapping[str, Mapping[str, Any]] = {
     "matched_far_sparse": {"w2": 3.0, "radius": 3.0, "effective_number": -2.0},
 }
 RULE_SETS_DESIGN = re.compile(r"rule_sets_([1-9]\d*)(?:_(near|far))?")  # how many rule sets the training levels share
+MECHANISM_DESIGN = re.compile(r"(\w+)_of_test_(100|[1-9]\d?)")  # and the share of levels that have it [%]
 TARGET_DESIGN = re.compile(r"w2_(x?)(\d+(?:\.\d+)?)")  # the kind target of segar.design, in the mode exact
 ENDLESS = "endless"  # the levels.count of a stream in which no level comes twice
 SEEDS = 2**63  # how many different seeds all generators take
@@ -50,13 +51,14 @@ def require_known(place: str, name: str, names: Iterable[str]) -> None:
 
 def require_design(place: str, name: str) -> None:
     """Raises :class:`ConfigError` unless ``name`` is in DESIGNS or MATCHED_DESIGNS, says a W2 between training and test
-    levels or a number of rule sets, or is the ``module:function`` of a design of the user's own.
+    levels, a number of rule sets or a mechanism of the test, or is the ``module:function`` of a design of the user's own.
 
     ``w2_4.2`` is that distance; ``w2_x1.2`` is 1.2 times the mean distance of independent sets of as many levels;
-    ``rule_sets_10`` are levels that share ten rule sets; ``rule_sets_10_near`` and ``rule_sets_10_far`` pick them.
+    ``rule_sets_10`` are levels that share ten rule sets; ``rule_sets_10_near`` and ``rule_sets_10_far`` pick them;
+    ``Mass_of_test_30`` are levels of which 30 % have masses as the test distribution has them.
     """
     target = TARGET_DESIGN.fullmatch(name)
-    if object_name(name) or RULE_SETS_DESIGN.fullmatch(name):
+    if object_name(name) or RULE_SETS_DESIGN.fullmatch(name) or MECHANISM_DESIGN.fullmatch(name):
         return
     if target is None and name.startswith("rule_sets"):
         raise ConfigError(f"{place}: '{name}' says no number of rule sets; rule_sets_10 does, and rule_sets_10_near")

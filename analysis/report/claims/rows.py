@@ -13,6 +13,7 @@ from segar.analysis.report.rules import WHOLE
 from segar.analysis.studies.w2 import TEST_LEVELS
 from segar.analysis.tables import column, count_of, keep, mean_by, pick, select
 from segar.experiments.settings import MATCHED_DESIGNS
+from segar.levels import REST, SEPARATOR
 
 CONTROL = "nuisance_only"  # a design that is one level many times
 PAPER_AGENT = "paper_agent"
@@ -22,6 +23,7 @@ LEVELS = ("train", "test")
 COORDINATES = r"(golfball|goal)\.Position\."  # of factors that were probed
 ACCURACIES = ("accuracy_train", "accuracy_test")
 PPO, AS_MANY_STEPS, SAC = "PPO", "as many steps", "SAC"
+CURED_SHARE = 30  # [%] of training levels, at which the rules ask what they cure
 OF_SET = ("family", "difficulty", "n", "seed", "design")
 SUCCESS_IN_TRIAL = "success_trial_{}_test_deterministic"
 
@@ -122,6 +124,39 @@ def doses(evidence: Evidence) -> pd.DataFrame:
     runs = keep(runs, runs["design"].isin(list(MATCHED_DESIGNS)))
     wanted = [MATCHED_DESIGNS[name] for name in runs["design"]]
     return runs.assign(**{f"{name}_dose": [one[name] for one in wanted] for name in ("w2", "radius")})
+
+
+def cures(evidence: Evidence) -> pd.DataFrame:
+    """The runs of worlds that differ in three groups of factors between training and test (``suite``), with the ``group``
+    that ``share`` [%] of their training levels have as the test has it; none where no level has.
+
+    ``gain`` is their success on test levels less that of agents without, a mean over seeds, and ``cure`` the same at 30 %
+    alone; ``foretold`` is what agents without gain on test levels in which this group is that of training levels; and
+    ``w2_share`` is the part of squared W2 between training and test that goes with it.
+    """
+    results, suite = evidence.results, ["family", "levels.test_variation"]
+    without, cured, between = results.of("twins"), results.of("twins_cure"), results.between
+    if without.empty or cured.empty or between.empty:
+        return without.head(0)
+    asked = pick(between, ["test_groups", "test_changed"]).astype(str)
+    left = [{*groups.split(SEPARATOR), REST} - {*changed.split(SEPARATOR)} for groups, changed in asked.to_numpy()]
+    twins = between.assign(group=[SEPARATOR.join(sorted(one)) for one in left], groups=list(map(len, left)))
+    own = pick(without, ["run", suite[1], SUCCESS, "w2_exact"])
+    twins = select(twins, groups=1).merge(own, on="run", suffixes=("", "_own"))
+    twins = twins.assign(
+        foretold=twins[SUCCESS] - twins[f"{SUCCESS}_own"],
+        w2_share=1 - (twins["w2_exact"] / twins["w2_exact_own"]) ** 2,
+    )
+    parts = cured["design"].astype(str).str.extract(r"^(?P<group>\w+)_of_test_(?P<share>\d+)$")
+    cured = cured.assign(group=parts["group"], share=parts["share"].astype(float))
+    reached = mean_by(cured, [*suite, "group", "share"], [SUCCESS]).merge(mean_by(without, suite, [SUCCESS]), on=suite)
+    reached = reached.assign(gain=reached[f"{SUCCESS}_x"] - reached[f"{SUCCESS}_y"])
+    reached = reached.assign(cure=reached["gain"].where(reached["share"] == CURED_SHARE))
+    reached = pick(reached, [*suite, "group", "share", "gain", "cure"])
+    known = mean_by(twins, [*suite, "group"], ["foretold", "w2_share"])
+    found = cured.merge(reached, on=[*suite, "group", "share"]).merge(known, on=[*suite, "group"], how="left")
+    found = pd.concat([without, found], ignore_index=True)
+    return found.assign(suite=found["family"] + " " + found[suite[1]].astype(str))
 
 
 def soft_actor_critic(evidence: Evidence) -> pd.DataFrame:
@@ -229,6 +264,7 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "matched sets": lambda evidence: evidence.results.of("matched_sets"),
     "matched sets from states": matched_states,
     "doses": doses,
+    "cures": cures,
     "the paper's agent": papers_agent,
     "harder levels": harder_levels,
     "probes": probes,

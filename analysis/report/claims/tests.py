@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from segar.analysis.report.claims.claim import Finding
 from segar.analysis.report.claims.evidence import Evidence, matrix, pearson
@@ -34,6 +35,8 @@ class StatedTest:
 
     ``correlation``  Pearson's r of ``of`` and ``against`` given the columns ``given``
     ``slope``        the slope of ``of`` on ``against`` in least squares given the columns ``given``
+    ``rank``         Spearman's correlation of ``of`` and ``against``, less that of ``of`` and the column ``less`` where there
+                     is one, over rows that differ in them, in blocks of the columns ``blocks``
     ``difference``   the mean of ``of`` at one value of a column less that at another over pairs of runs that are equal in the
                      columns ``same``; ``between`` names the column and the two values, or several such pairs. Without
                      ``between``, the mean of ``of``, which is a difference already
@@ -115,6 +118,15 @@ def slope(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
     return "slope", evidence.slope(rows, test.against, test.of, test.given), small_difference(rows, test.of)
 
 
+def rank(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
+    """Spearman's correlation, or how much larger it is than that of another column."""
+    names = [test.of, test.against, *test.less]
+    rows = rows.dropna(subset=names).drop_duplicates([*names, *test.blocks])
+    values, is_one = rows[names].to_numpy(np.float64), not test.less
+    found = evidence.by_blocks(rows, values, rank_correlation, tuple(test.blocks), correlation=is_one)
+    return "Spearman r" if is_one else "difference of Spearman r", found, MARGINS["correlation"]
+
+
 def mean(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Found:
     """The mean over runs, or over pairs of runs."""
     if test.between:
@@ -136,7 +148,7 @@ def explained_by(evidence: Evidence, rows: pd.DataFrame, test: StatedTest) -> Fo
 
 
 TESTS: Mapping[str, Callable[[Evidence, pd.DataFrame, StatedTest], Found]] = {
-    "correlation": correlation, "slope": slope, "difference": mean, "mean": mean, "explained": explained_by,
+    "correlation": correlation, "slope": slope, "rank": rank, "difference": mean, "mean": mean, "explained": explained_by,
 }  # fmt: skip
 
 
@@ -160,6 +172,12 @@ def differences(rows: pd.DataFrame, of: str, between: Mapping[str, Sequence[Any]
 def small_difference(rows: pd.DataFrame, of: str) -> float:
     """The difference of returns that would matter: a part of the standard deviation of the values."""
     return MARGINS["deviations"] * float(column(rows, of).std(ddof=1)) if len(rows) > 1 else 0.0
+
+
+def rank_correlation(values: np.ndarray) -> float:
+    """Spearman's correlation of the first two columns, less that of the first and the third where there is one."""
+    first, *other = np.corrcoef(stats.rankdata(values, axis=0), rowvar=False)[0, 1:]
+    return float(first - sum(other))
 
 
 def difference_of_r2(width: int) -> Callable[[np.ndarray], float]:

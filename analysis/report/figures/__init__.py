@@ -16,7 +16,7 @@ FIGURES: Mapping[str, Callable[[Evidence], Drawn]] = {
         main_grid.figure_3a, main_grid.specification_curves, main_grid.figure_3b,
         main_grid.train_and_test, main_grid.figure_4a, agents.figure_4b, agents.figure_5a, agents.figure_5b,
         agents.appendix_mass, agents.appendix_sac, agents.performance_profiles, beyond.fixed_n,
-        beyond.matched_sets, beyond.dose_response, beyond.diversity, beyond.attribution, beyond.rules, beyond.rule_sets,
-        beyond.trials, beyond.visual, beyond.hardness, beyond.upper_bound, beyond.w2_study,
+        beyond.matched_sets, beyond.dose_response, beyond.twins, beyond.diversity, beyond.attribution, beyond.rules,
+        beyond.rule_sets, beyond.trials, beyond.visual, beyond.hardness, beyond.upper_bound, beyond.w2_study,
     )
 }  # fmt: skip

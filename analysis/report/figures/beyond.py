@@ -18,7 +18,15 @@ from segar.analysis.plotting.figures import (
 )
 from segar.analysis.plotting.names import word_for
 from segar.analysis.report.claims.evidence import DISTANCES, Evidence
-from segar.analysis.report.claims.rows import all_rule_set_runs, doses, one_number_of_levels, trial_columns, trial_runs
+from segar.analysis.report.claims.rows import (
+    CURED_SHARE,
+    all_rule_set_runs,
+    cures,
+    doses,
+    one_number_of_levels,
+    trial_columns,
+    trial_runs,
+)
 from segar.analysis.report.figures.drawing import (
     CELL,
     Drawn,
@@ -40,6 +48,7 @@ from segar.analysis.tables import column, keep, pick, select
 SUCCESS = "success_test_deterministic"
 COST = "return there − on own test levels"
 DOSES = (("w2_dose", "radius_dose", "W2, coverage equal"), ("radius_dose", "w2_dose", "covering radius, W2 equal"))
+CURES = (("foretold", "success gained on causal twins, untrained"), ("w2_share", "share of squared W2"))
 DESIGN_ORDER = ("matched", "matched_far", "matched_sparse", "matched_far_sparse")
 
 
@@ -244,6 +253,27 @@ def matched_sets(evidence: Evidence) -> Drawn:
         axes.set_xticks(range(len(order)), [word_for(name) for name in order], rotation=35, ha="right", fontsize=9)
         axes.set_title(f"{word_for(family)}, n = {n}")
     figure.supylabel("gap in success (test − training)", fontsize=10.5)
+    return Drawn(figure, table)
+
+
+def twins(evidence: Evidence) -> Drawn:
+    """What training levels with one group of factors of the test cure, against what causal twins foretell and W2 says."""
+    why = "it was not run (`experiments=[twins, twins_cure]`)"
+    runs = drawable(cures(evidence), why, "suite")
+    names = ["suite", "group", "share", "gain", "foretold", "w2_share"]
+    table = pick(runs, names).dropna().drop_duplicates(ignore_index=True)
+    figure = new_figure(8.4, 3.6)
+    grid = figure.subplots(1, 2, sharey=True)
+    for axes, (x, words) in zip(grid, CURES, strict=True):
+        for k, group in enumerate(sorted(set(table["group"]))):
+            for share, face in ((100, "none"), (CURED_SHARE, style.PALETTE[k])):
+                mine = select(table, group=group, share=share)
+                look = {"facecolor": face, "edgecolor": style.PALETTE[k], "marker": style.MARKERS[k]}
+                axes.scatter(column(mine, x), column(mine, "gain"), s=34, label=f"{word_for(group)}, {share} %", **look)
+        axes.set_xlabel(words)
+        zero_line(axes)
+    grid[0].set_ylabel("success gained on test levels")
+    grid[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return Drawn(figure, table)
 
 

@@ -139,7 +139,7 @@ def test_all_experiments_find_their_place(tmp_path, undrawn):
     report = make_report(ReportConfig(str(folder)))
     drawn = {path.stem for path in report.files if path.suffix == ".svg"}
     # There are no tables of studies here, so no floor, no planner and no scores, either.
-    assert drawn == set(FIGURES) - {"w2_study", "performance_profiles", "dose_response"}
+    assert drawn == set(FIGURES) - {"w2_study", "performance_profiles", "dose_response", "twins"}
     page = (folder / "report.html").read_text()
     assert "its experiments at scale <code>standard</code>" in page
     assert "No figure: the study of distances was not run" in page

@@ -1,10 +1,12 @@
 """Variations change what they say and nothing else; conditions make the goal count later; designs pick training levels."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import segar
-from segar import GoalTile, Gravity, Mass, Position, SandTile
+from segar import GoalTile, GolfBall, Gravity, Mass, Position, SandTile
 from segar.errors import LevelError
 from segar.experiments.levels import rule_sets
 from segar.experiments.levels.builders import distribution_of, make_levels
@@ -12,7 +14,7 @@ from segar.experiments.levels.rule_sets import situations_of
 from segar.experiments.levels.variations import VARIATIONS, vary
 from segar.experiments.settings import ConfigError, LevelsConfig
 from segar.language import FloorFriction, Order
-from segar.levels import share_rule_sets, shared_rule_sets
+from segar.levels import share_rule_sets, shared_rule_sets, source_moments
 from segar.metrics import rule_set_distances, w2
 from segar.rules import apply_friction, lorentz_law
 from segar.support import emd
@@ -93,6 +95,51 @@ def test_a_distance_out_of_reach_names_the_range():
     )
     with pytest.raises(ConfigError, match=wanted):
         levels_of(count=10, test_count=50, design="w2_x9")
+
+
+SHIFTED = {"variation": "moderate", "test_variation": "heavy_smooth", "train": "objectsx1-medium"}
+
+
+def drawn_by(levels):
+    """What each of three mechanisms gave the levels: masses, frictions, and how high the goal is."""
+    friction = levels.parameters[:, [levels.layout.parameters.index(FloorFriction)]]
+    height = levels.layout.columns[Position] + 1
+    return {
+        "Mass": values_of(levels, "golfball", Mass),
+        "FloorFriction": friction,
+        "Position": levels.values[:, levels.layout.slot_index("goal"), height],
+    }
+
+
+@pytest.mark.parametrize("name", ["Mass", "FloorFriction", "Position"])
+def test_some_training_levels_have_one_mechanism_of_the_test_and_all_else_as_in_training(name):
+    plain, chosen = (levels_of(**SHIFTED, design=design)[0] for design in ("iid", f"{name}_of_test_30"))
+    assert plain[9:] == dataclasses.replace(chosen[9:], provenance=plain[9:].provenance)
+    many = {"train": "objectsx1-medium", "count": 500}
+    mean, _ = source_moments(chosen)[GolfBall, Mass]
+    assert mean == pytest.approx(0.7 * 1.0 + 0.3 * 1.75 if name == "Mass" else 1.0, abs=0.02)
+    of_train, of_test = (drawn_by(levels_of(**many, variation=law)[0]) for law in ("moderate", "heavy_smooth"))
+    for mechanism, values in drawn_by(chosen[:9]).items():
+        inside_train, inside_test = (
+            ((law[mechanism].min(axis=0) - 0.05 <= values) & (values <= law[mechanism].max(axis=0) + 0.05)).all()
+            for law in (of_train, of_test)
+        )
+        assert (inside_train, inside_test)[mechanism == name] and inside_train == (mechanism != name)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({**SHIFTED, "design": "Mas_of_test_30"}, "no mechanism 'Mas'. Did you mean 'Mass'"),
+        ({**SHIFTED, "design": "Charge_of_test_30"}, "have the same Charge; levels.test_variation"),
+        ({"train": "property-heavy-v1", "design": "Mass_of_test_30"}, "property-heavy-v1 draws its training levels"),
+        ({"test_variation": "frictionless", "design": "World_of_test_30"}, "no mechanism 'World'"),
+        ({"train": "empty-hard", "test": "objectsx1-hard", "design": "Entities_of_test_30"}, "other slots, types"),
+    ],
+)
+def test_a_mechanism_that_no_part_of_the_levels_can_have_is_told(settings, message):
+    with pytest.raises(ConfigError, match=f"levels.design: .*{message}"):
+        levels_of(**settings)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The verdicts of rules 3 where the truth is known: nothing, an effect with one level alone, missing runs, no room."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -97,6 +99,44 @@ def test_an_outcome_without_room_for_the_margin_cannot_be_tested(tmp_path):
     easy = claims_on(tmp_path, runs.assign(**almost))
     assert set(verdicts_of(easy, (*HEADLINE, "5b-easy")).values()) == {NOT_TESTABLE}
     assert "no room" in easy["5b-easy"].tests(METRIC_OURS, LEARNED)[0].lacks_room
+
+
+CHANGED = ("Mass+FloorFriction+rest", "Mass+Position+rest", "FloorFriction+Position+rest", "Mass", "Mass+Position")
+
+
+@pytest.mark.parametrize(("knows", "verdict"), [("twins", SUPPORTED), ("both", UNDECIDED), ("nobody", NOT_SUPPORTED)])
+def test_twins_foretell_a_cure_where_they_do_and_distance_does_not(tmp_path, knows, verdict):
+    """Agents gain what a group of factors is worth; twins, or the distance, know what that is, or nobody does."""
+    rng, parts, between = np.random.default_rng(5), [], []
+    place = {"difficulties": ("medium",), "counts": (100,), "seeds": 3, "observation": "state"}
+    for family, test in product(("empty", "objectsx1", "objectsx2", "tilesx1", "hazardtilesx1"), ("heavy", "light")):
+        grid = {**place, "families": (family,), "variation": "moderate", "levels.test_variation": test}
+        worth = dict(zip(("Position", "FloorFriction", "Mass"), rng.uniform(0.0, 0.4, 3), strict=True))
+        noise = dict(zip(worth, rng.uniform(0.0, 0.4, 3), strict=True))
+        success = {"success_train_deterministic": 0.95, "success_test_deterministic": 0.3}
+        without = run_rows(rng, "twins", **grid).assign(**success)
+        parts.append(without)
+        for changed in CHANGED:
+            (group,) = {*worth} - {*changed.split("+")} if changed.count("+") == 2 else ("Mass",)
+            told, near = (worth if knows in who else noise for who in (("twins", "both"), ("both",)))
+            there = {
+                "test_changed": changed,
+                "test_groups": "Mass+FloorFriction+Position",
+                **{"test": "between", "test_family": family, "test_difficulty": "medium"},
+                **{"test_variation": "moderate", "test_observation": "state"},
+            }
+            w2 = without["w2_exact"] * np.sqrt(1 - near[group])
+            between.append(without.assign(**there, success_test_deterministic=0.3 + told[group], w2_exact=w2))
+        for (group, value), share in product(worth.items(), (10, 30, 100)):
+            cured = run_rows(rng, "twins_cure", design=f"{group}_of_test_{share}", **grid).assign(**success)
+            gained = value * share / 30 + 0.02 * rng.normal(size=len(cured))
+            parts.append(cured.assign(success_test_deterministic=0.3 + gained))
+    runs, transfers = (pd.concat(some, ignore_index=True) for some in (parts, between))
+    transfers = transfers.drop(columns=["levels.test_variation", "experiments", "hours", "code", "hash"])
+    found = claims_of(evidence_of(tmp_path, {"runs": runs, "transfers": transfers}))["twins"]
+    assert found.verdict(METRIC_OURS) == verdict and found.planned.present == 10 * 3 * (1 + 3 * 3)
+    rank, _ = found.tests(METRIC_OURS)
+    assert rank.found.n == 30 and (rank.found.estimate > 0.9) == (knows != "nobody")
 
 
 def test_the_slope_of_regret_on_a_dose_is_found_and_sets_that_cannot_be_had_count_for_that_dose_alone(tmp_path):
