@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, TypeVar
 
 import torch
@@ -18,38 +18,31 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 from segar.envs import VectorEnv
 from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.collection.collector import Rollout, action_size, observation_shape, require_frames
-from segar.experiments.collection.saved_state import SavedState
 from segar.experiments.networks.augmentations import random_crop, random_intensity, random_shift
 from segar.experiments.networks.encoders import initialize
 
 M = TypeVar("M", bound=nn.Module)
 
 
-class Auxiliary(SavedState, ABC):
-    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`: a PPO, an auxiliary loss, their optimiser."""
+class Auxiliary(PPO, ABC):
+    """The learner, see :class:`segar.experiments.algorithms.learner.Learner`: PPO with an auxiliary loss, whose optimiser may
+    be one of its own."""
 
-    parts = ("ppo", "loss", "own_optimizer")
+    config: Any
+    parts = (*PPO.parts, "loss", "own_optimizer")
 
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
         require_frames(config.name, observation_shape(env))
-        self.config = config
-        self.ppo = PPO(config, env, frames, seed)
-        self.policy, self.rng = self.ppo.policy, self.ppo.rng
+        super().__init__(config, env, frames, seed)
         self.encoder: Any = self.policy.actor.encoder
         self.loss: Any = self.make_loss(action_size(env))
         known = {id(weight) for weight in self.encoder.parameters()}
         own = [weight for weight in self.loss.parameters() if weight.requires_grad and id(weight) not in known]
-        self.weights = [*self.encoder.parameters(), *own]
+        self.weights, self.own_optimizer = [*self.encoder.parameters(), *own], None
         if config.auxiliary_learning_rate is None:
-            self.optimizer, self.own_optimizer = self.ppo.optimizer, None
             self.optimizer.add_param_group({"params": own})
         else:
-            self.optimizer = self.own_optimizer = torch.optim.Adam(
-                self.weights, lr=config.auxiliary_learning_rate, fused=True
-            )
-
-    make_env = staticmethod(PPO.make_env)
-    make_policy = staticmethod(PPO.make_policy)
+            self.own_optimizer = torch.optim.Adam(self.weights, lr=config.auxiliary_learning_rate, fused=True)
 
     @abstractmethod
     def make_loss(self, actions: int) -> CodeLoss:
@@ -59,25 +52,19 @@ class Auxiliary(SavedState, ABC):
     def batches(self, rollout: Rollout) -> Iterator[TensorDict]:
         """``auxiliary_minibatches`` batches for the loss."""
 
-    @property
-    def frames(self) -> int:
-        """Environment steps so far."""
-        return self.ppo.frames
-
-    def iterate(self) -> Mapping[str, float]:
-        """Collects, learns as PPO does, then takes the auxiliary steps; returns the figures of all three."""
-        rollout, figures = self.ppo.collect()
-        return {**figures, **self.ppo.learn(rollout), **self.learn(rollout)}
-
     def learn(self, rollout: Rollout) -> dict[str, float]:
+        """PPO's steps, then the auxiliary ones; returns the figures of both."""
+        return {**super().learn(rollout), **self.learn_auxiliary(rollout)}
+
+    def learn_auxiliary(self, rollout: Rollout) -> dict[str, float]:
         """Takes the auxiliary gradient steps on a rollout; returns the means of the loss's figures."""
-        totals: dict[str, Tensor] = {}
+        totals, optimizer = dict[str, Tensor](), self.own_optimizer or self.optimizer
         for batch in self.batches(rollout):
             figures = self.loss(batch)
-            self.optimizer.zero_grad()
+            optimizer.zero_grad()
             figures["loss"].backward()
             nn.utils.clip_grad_norm_(self.weights, self.config.max_grad_norm)
-            self.optimizer.step()
+            optimizer.step()
             self.loss.follow()
             for name, value in figures.items():
                 totals[name] = totals.get(name, 0.0) + value.detach()
@@ -98,7 +85,7 @@ class Auxiliary(SavedState, ABC):
     def with_fresh_weights(self, module: M) -> M:
         """The module with freshly drawn weights, on the policy's device."""
         initialize(module, self.rng)
-        return module.to(self.ppo.device)
+        return module.to(self.device)
 
 
 class CodeLoss(nn.Module):

@@ -73,18 +73,17 @@ class TrainingLevels(SavedState):
 
     def connect(self, learner: Any) -> None:
         """Has the curriculum learn from the rollouts of a learner; raises :class:`ConfigError` where it has none."""
-        agent = getattr(learner, "ppo", learner)  # an auxiliary loss is beside a PPO
         if not self.config.needs_scores:
             return
-        if not hasattr(agent, "listen"):
+        if not hasattr(learner, "listen"):
             raise ConfigError(
                 f"curriculum: {self.config.name} scores levels by the advantages and values of on-policy rollouts, and"
                 f" {type(learner).__name__} has none, because it learns from a replay. Choose PPO or recurrent PPO, or"
                 " curriculum=uniform"
             )
-        self.explorer.agent = agent
-        self.sums = EpisodeSums(agent.config.num_envs, agent.config.gamma)
-        agent.listen = self.listen
+        self.explorer.agent = learner
+        self.sums = EpisodeSums(learner.config.num_envs, learner.config.gamma)
+        learner.listen = self.listen
 
     def listen(self, rollout: Rollout, reward: Tensor, advantage: Tensor) -> None:
         """Tells the curriculum which episodes ended in a rollout."""

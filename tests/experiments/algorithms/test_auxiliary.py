@@ -9,6 +9,7 @@ from torch.nn import functional as F
 
 from segar import family
 from segar.experiments.algorithms.curl import CURL
+from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.algorithms.spr import SPR, sequences
 from segar.experiments.collection.collector import Rollout
 from segar.experiments.settings import ConfigError, CURLConfig, SPRConfig
@@ -48,15 +49,15 @@ def config(request):
 def test_the_loss_falls_on_a_fixed_rollout(config):
     is_contrast = isinstance(config, CURLConfig)  # which starts where all frames look alike
     one = learner(dataclasses.replace(config, auxiliary_minibatches=1, learning_rate=3e-3 if is_contrast else 1e-3))
-    rollout, _ = one.ppo.collect()
+    rollout, _ = one.collect()
     steps = 200 if is_contrast else 30
-    losses = [one.learn(rollout)["auxiliary/loss"] for _ in range(steps)]
+    losses = [one.learn_auxiliary(rollout)["auxiliary/loss"] for _ in range(steps)]
     assert sum(losses[-5:]) < 0.6 * sum(losses[:5])
 
 
 def test_the_gradient_reaches_the_encoder_and_no_target_and_nothing_of_the_policy_behind_the_encoder(config):
     one = learner(config)
-    rollout, _ = one.ppo.collect()
+    rollout, _ = one.collect()
     batch = next(iter(one.batches(rollout)))
     one.loss(batch)["loss"].backward()
     moved = {name for name, weight in one.policy.named_parameters() if weight.grad is not None and weight.grad.any()}
@@ -82,8 +83,8 @@ def test_every_weight_of_the_loss_is_learned_and_the_encoder_is_the_policys(conf
 def test_the_target_encoder_is_the_moving_average_of_the_encoder(name):
     one = learner(CONFIGS[name])
     tau = one.config.tau
-    rollout, _ = one.ppo.collect()
-    one.ppo.learn(rollout)  # PPO's steps do not move it
+    rollout, _ = one.collect()
+    PPO.learn(one, rollout)  # PPO's steps do not move it
     expected = [weight.clone() for weight in one.loss.target_network.parameters()]
     passed = []
     follow = one.loss.follow
@@ -93,7 +94,7 @@ def test_the_target_encoder_is_the_moving_average_of_the_encoder(name):
         follow()
 
     one.loss.follow = noting
-    one.learn(rollout)
+    one.learn_auxiliary(rollout)
     assert len(passed) == one.config.auxiliary_minibatches
     for quick in passed:
         expected = [slow + tau * (new - slow) for slow, new in zip(expected, quick, strict=True)]
@@ -103,7 +104,7 @@ def test_the_target_encoder_is_the_moving_average_of_the_encoder(name):
 
 def test_two_views_of_each_frame_are_contrasted_and_every_frame_is_seen(monkeypatch):
     one = learner(CONFIGS["curl"])
-    rollout, _ = one.ppo.collect()
+    rollout, _ = one.collect()
     monkeypatch.setattr(one, "augmented", lambda frames: frames)
     plain = list(one.batches(rollout))
     monkeypatch.undo()
@@ -117,8 +118,8 @@ def test_two_views_of_each_frame_are_contrasted_and_every_frame_is_seen(monkeypa
 
 def test_the_contrast_is_that_of_its_definition():
     one = learner(CONFIGS["curl"])
-    rollout, _ = one.ppo.collect()
-    one.learn(rollout)
+    rollout, _ = one.collect()
+    one.learn_auxiliary(rollout)
     batch = next(iter(one.batches(rollout)))
     with torch.no_grad():
         figures = one.loss(batch)
@@ -160,7 +161,7 @@ def test_sequences_are_of_one_environment_in_order_and_never_valid_beyond_an_epi
 
 def test_all_sequences_of_all_environments_are_used_once(monkeypatch):
     one = learner(CONFIGS["spr_original"])
-    rollout, _ = one.ppo.collect()
+    rollout, _ = one.collect()
     asked = []
     found = sequences
     monkeypatch.setattr(
@@ -174,7 +175,7 @@ def test_all_sequences_of_all_environments_are_used_once(monkeypatch):
 
 def test_what_lies_beyond_an_episodes_end_does_not_count():
     one = learner(CONFIGS["spr_original"])
-    rollout, _ = one.ppo.collect()
+    rollout, _ = one.collect()
     batch = next(iter(one.batches(rollout)))
     batch["valid"][:] = True
     batch["valid"][0, 2:] = False
@@ -190,8 +191,8 @@ def test_what_lies_beyond_an_episodes_end_does_not_count():
 
 def test_the_error_is_twice_the_cosine_distance_of_what_was_foretold_and_what_was_seen():
     one = learner(ONE_STEP)
-    rollout, _ = one.ppo.collect()
-    one.learn(rollout)
+    rollout, _ = one.collect()
+    one.learn_auxiliary(rollout)
     batch = next(iter(one.batches(rollout)))
     _, model = one.loss.network
     with torch.no_grad():

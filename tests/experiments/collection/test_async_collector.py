@@ -35,14 +35,10 @@ def learner(kind="state", seed=0, iterations=5):
     return learns(config, env, iterations * BATCH, seed)
 
 
-def ppo_of(one):
-    return one if isinstance(one, PPO) else one.ppo
-
-
 @pytest.mark.parametrize("kind", CASES)
 def test_a_thread_collects_what_would_be_collected_in_turn(kind):
     ahead, in_turn = learner(kind), learner(kind)
-    ppo_of(in_turn).collector.executor = Here()
+    in_turn.collector.executor = Here()
     for _ in range(5):
         assert ahead.iterate() == in_turn.iterate()
     for a, b in zip(ahead.policy.parameters(), in_turn.policy.parameters(), strict=True):
