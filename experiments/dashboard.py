@@ -66,7 +66,7 @@ def links(folder: Path, address: str) -> list[str]:
             show_views(client, experiment)
             shown = VIEWS | {name: view for name, view in VIEWS_OF_PAPER.items() if f"{TAG}{name}" in experiment.tags}
             for name, view in shown.items():
-                lines.append(f"  {view.title} ({experiment.name}): {link(address, experiment.experiment_id, name)}")
+                lines.append(f"  {view['title']} ({experiment.name}): {link(address, experiment.experiment_id, name)}")
     return lines
 
 

@@ -8,7 +8,6 @@ import base64
 import json
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -19,21 +18,9 @@ TAG = "mlflow.sharedViewState."  # begins the names of these tags
 COLOUR = "mlflow.runColor"  # the tag that says in which colour a run is drawn
 PAGES: Mapping[str, Any] = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_bytes())
 Chart = Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class View:
-    """What is shown of which runs."""
-
-    title: str
-    rows: tuple[tuple[str, tuple[Chart, ...]], ...]  # heading and charts side by side, from top to bottom
-    figure: str = ""  # the runs of this figure of the paper; none: all runs
-
-    @property
-    def wanted(self) -> str:
-        """The search that finds the runs; their parents, which have no family, are left out."""
-        of_figure = f"tags.figure LIKE '%{self.figure}%' and " if self.figure else ""
-        return f"{of_figure}tags.family LIKE '%'"
+View = Mapping[str, Any]  # its title, its rows of charts from top to bottom, and its figure
+VIEWS: dict[str, View] = PAGES["views"]
+VIEWS_OF_PAPER: dict[str, View] = PAGES["views_of_paper"]
 
 
 def scatter(x: str, y: str, x_is: str = "METRIC") -> Chart:
@@ -56,20 +43,9 @@ def parallel(parameters: tuple[str, ...], metrics: tuple[str, ...]) -> Chart:
 CHARTS: Mapping[str, Callable[..., Chart]] = {"scatter": scatter, "curve": curve, "parallel": parallel}
 
 
-def view_of(title: str, rows: Sequence[Mapping[str, Any]], figure: str = "") -> View:
-    """A view as the file has it."""
-    charts = [[CHARTS[kind](*of) for one in row["charts"] for kind, of in one.items()] for row in rows]
-    return View(title, tuple((row["heading"], tuple(some)) for row, some in zip(rows, charts, strict=True)), figure)
-
-
-VIEWS, VIEWS_OF_PAPER = (
-    {name: view_of(**one) for name, one in PAGES[part].items()} for part in ("views", "views_of_paper")
-)
-
-
 def tags_of_views(views: Mapping[str, View] = VIEWS) -> dict[str, str]:
     """The tags of an experiment in which MLflow's pages find the views."""
-    return {f"{TAG}{name}": packed(view) for name, view in views.items()}
+    return {f"{TAG}{name}": packed(**view) for name, view in views.items()}
 
 
 def link(address: str, experiment: str, name: str) -> str:
@@ -78,20 +54,25 @@ def link(address: str, experiment: str, name: str) -> str:
     return f"{address}/#/experiments/{experiment}/runs?{urlencode(query)}"
 
 
-def packed(view: View) -> str:
-    """The value of the tag of a view."""
+def packed(title: str, rows: Sequence[Mapping[str, Any]], figure: str = "") -> str:
+    """The value of the tag of a view of the runs of a figure of the paper, or of all runs.
+
+    The search that finds them leaves out their parents, which have no family.
+    """
+    of_figure = f"tags.figure LIKE '%{figure}%' and " if figure else ""
+    charts = [[CHARTS[kind](*of) for one in row["charts"] for kind, of in one.items()] for row in rows]
     state = {
-        "searchFilter": view.wanted,
+        "searchFilter": f"{of_figure}tags.family LIKE '%'",
         **PAGES["page"],
         "compareRunCharts": [
             {"uuid": f"{row}-{place}", "metricSectionId": f"{row}", **PAGES["chart"], **chart}
-            for row, (_, charts) in enumerate(view.rows)
-            for place, chart in enumerate(charts)
+            for row, some in enumerate(charts)
+            for place, chart in enumerate(some)
         ],
         "compareRunSections": [
-            {"uuid": f"{row}", "name": heading, **PAGES["section"], "columns": len(charts)}
-            for row, (heading, charts) in enumerate(view.rows)
+            {"uuid": f"{row}", "name": one["heading"], **PAGES["section"], "columns": len(charts[row])}
+            for row, one in enumerate(rows)
         ],
     }
     written = base64.b64encode(zlib.compress(json.dumps(state).encode())).decode()
-    return json.dumps({"name": view.title, "createdAt": 0, "updatedAt": 0, "state": f"deflate;{written}"})
+    return json.dumps({"name": title, "createdAt": 0, "updatedAt": 0, "state": f"deflate;{written}"})

@@ -11,7 +11,7 @@ from segar.experiments.evaluation.probing import figures_of
 from segar.experiments.runs.run_folder import read_metrics
 from segar.experiments.settings import EvaluationConfig, ScaleConfig, TrackingConfig, flat
 from segar.experiments.tracking.mlflow_store import open_store, show_views
-from segar.experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, View, curve, link, packed
+from segar.experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, link, packed
 from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
@@ -42,22 +42,26 @@ def test_views_draw_nothing_but_figures_and_parameters_that_runs_have(tmp_path):
     metrics = {row["name"] for row in read_metrics(run(config).folder).to_pylist()}
     metrics |= figures_of([{**PROBE, "probe": "jsd"}, {**PROBE, "probe": "paper"}]).keys()
     views = [*VIEWS.values(), *VIEWS_OF_PAPER.values()]
-    for chart in (chart for view in views for _, charts in view.rows for chart in charts):
+    for chart in (chart for view in views for chart in state_of(packed(**view))["compareRunCharts"]):
         drawn, named = keys_of(chart, "METRIC"), keys_of(chart, "PARAM")
         assert drawn and drawn <= metrics
         assert named <= flat(config.identity()).keys()
 
 
 def test_a_view_is_written_as_the_pages_read_it():
-    view = View("Both", (("First", (curve("a"), curve("b"))), ("Second", (curve("c"),))), "3a")
-    state = state_of(packed(view))
-    assert json.loads(packed(view))["name"] == "Both"
+    rows = [
+        {"heading": "First", "charts": [{"curve": ["a"]}, {"curve": ["b"]}]},
+        {"heading": "Second", "charts": [{"curve": ["c"]}]},
+    ]
+    tag = packed("Both", rows, "3a")
+    state = state_of(tag)
+    assert json.loads(tag)["name"] == "Both"
     assert [(one["name"], one["columns"]) for one in state["compareRunSections"]] == [("First", 2), ("Second", 1)]
     place = {one["uuid"]: one["name"] for one in state["compareRunSections"]}
     drawn = [(place[one["metricSectionId"]], one["metricKey"]) for one in state["compareRunCharts"]]
     assert drawn == [("First", "a"), ("First", "b"), ("Second", "c")]
     assert len({one["uuid"] for one in state["compareRunCharts"]}) == 3
-    assert state["searchFilter"] == view.wanted
+    assert state["searchFilter"] == "tags.figure LIKE '%3a%' and tags.family LIKE '%'"
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +103,7 @@ def test_a_store_from_before_gets_the_views_when_it_is_opened_or_shown(store):
     assert lines[0] == f"  Gap against W2 (segar): {link('http://127.0.0.1:5123', experiment, 'gap-against-w2')}"
     assert len(lines) == len(VIEWS)  # none for the empty experiment that MLflow makes
     tags = client.get_experiment(experiment).tags
-    assert {name: tags[TAG + name] for name in VIEWS} == {name: packed(view) for name, view in VIEWS.items()}
+    assert {name: tags[TAG + name] for name in VIEWS} == {name: packed(**view) for name, view in VIEWS.items()}
 
 
 def test_files_lie_beside_a_database_that_is_named_and_not_where_one_happens_to_be(tmp_path, monkeypatch):
