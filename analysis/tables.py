@@ -68,7 +68,7 @@ def pick(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
     return cast(pd.DataFrame, table[list(names)])
 
 
-def mean_by(table: pd.DataFrame, by: Sequence[str], values: Sequence[str]) -> pd.DataFrame:
+def mean_by(table: pd.DataFrame, by: Sequence[str], values: Iterable[str]) -> pd.DataFrame:
     """One row per combination of the columns ``by``, in their order, with the means of ``values``."""
     return cast(pd.DataFrame, table.groupby(list(by), sort=True, dropna=False)[list(values)].mean()).reset_index()
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from segar.analysis.benchmark.causes import EFFECT, effects_on
+from segar.analysis.benchmark.causes import effects_on
 from segar.analysis.benchmark.scores import (
     DRAWN,
     FIGURES,
@@ -31,20 +31,6 @@ from segar.support import templates
 SEEDS = (3, 5, 10)  # numbers of seeds of which the page says what they can tell
 TRUSTED_COEFFICIENT = 0.8  # from which on a ranking is one
 TRIED = 10_000  # variants of a row of which somebody may keep the luckiest
-WORDS = {
-    DRAWN: "success above chance, drawn",
-    PRACTICE: "success above chance, practice",
-    TIME: "time",
-    "train_return": "return, training",
-    "test_return": "return, test",
-    "gap": "gap",
-    "regret": "regret",
-    "train_success": "success, training",
-    "test_success": "success, test",
-    "train_score": "score, training",
-    "score": "score",
-    EFFECT: "gained on twins",
-}
 
 
 def page_text(
@@ -273,7 +259,7 @@ def suite_table(table: pd.DataFrame) -> str:
 def means_table(means: pd.DataFrame, of: str) -> str:
     """A line for each value of the column ``of``, with all figures."""
     lines = [[str(one[of]), *(number(one[name]) for name in FIGURES)] for one in means.to_dict("records")]
-    return markdown([of, *(WORDS[one] for one in FIGURES)], lines)
+    return markdown([of, *FIGURES.values()], lines)
 
 
 def rows_table(rows: Mapping[str, Row]) -> str:

@@ -24,10 +24,20 @@ steps on drawn levels that both solved, over the planner's."""
 ENDS = ("low", "high")
 OVERALL = "all"  # of the axes
 QUANTITIES = (DRAWN, PRACTICE, "practice_minus_drawn", TIME, "score", EFFECT)
-FIGURES = (
-    DRAWN, PRACTICE, TIME, "train_return", "test_return", "gap", "regret", "train_success", "test_success", "train_score",
-    "score", EFFECT,
-)  # fmt: skip
+FIGURES = {  # of a row on a suite, and what pages call them
+    DRAWN: "success above chance, drawn",
+    PRACTICE: "success above chance, practice",
+    TIME: "time",
+    "train_return": "return, training",
+    "test_return": "return, test",
+    "gap": "gap",
+    "regret": "regret",
+    "train_success": "success, training",
+    "test_success": "success, test",
+    "train_score": "score, training",
+    "score": "score",
+    EFFECT: "gained on twins",
+}
 
 
 def rows_in(folders: Iterable[Path]) -> list[Row]:
