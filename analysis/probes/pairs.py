@@ -56,11 +56,6 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.factors)
 
-    def take(self, rows: Any) -> Pairs:
-        """The frames at an index array or mask."""
-        parts = {name: getattr(self, name)[rows] for name in ("representation", "factors", "episode")}
-        return replace(self, **parts)
-
     def only(self, columns: Sequence[int]) -> Pairs:
         """The factors at these places alone."""
         chosen = list(columns)

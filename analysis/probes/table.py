@@ -158,8 +158,9 @@ def paper_rows(
     sets = []
     for name in ("train", "test"):
         frames, pairs = seen[name]
-        late = replace(pairs, factors=frames.late)
-        some = late.take(rng.permutation(len(late))[: config.paper_frames])
+        rows = rng.permutation(len(pairs))[: config.paper_frames]
+        phi, factors, episode = (array[rows] for array in (pairs.representation, frames.late, pairs.episode))
+        some = replace(pairs, representation=phi, factors=factors, episode=episode)
         sets.append(some.only([k for k, c in enumerate(some.columns) if c.factor in PAPER_FACTORS]))
     tables = []
     for probe, joint in (("paper", False), ("paper, joint marginal", True)):
