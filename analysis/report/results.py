@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -89,12 +88,8 @@ class Results:
 
     @cached_property
     def gated(self) -> "Results":
-        """The same tables without the runs that did not learn their training levels."""
-        return self.only(self.learned)
-
-    def only(self, mask: Any) -> "Results":
-        """The same tables with the runs for which ``mask`` is true, and what belongs to them."""
-        runs = keep(self.runs, mask)
+        """The same tables without the runs that did not learn their training levels, and what belongs to them."""
+        runs = keep(self.runs, self.learned)
         names = list(runs["run"])
         parts = {
             name: keep(table, table["run"].isin(names)) if len(table) else table
@@ -114,11 +109,6 @@ class Results:
         if not parts:
             return runs
         return runs.merge(pd.concat(parts).drop_duplicates(), on=[*BLOCK, "n", "design"], how="left", validate="m:1")
-
-    @cached_property
-    def panels(self) -> list[str]:
-        """The panels of the main grid, in the paper's order."""
-        return panels_of(self.main)
 
     @cached_property
     def tested(self) -> pd.DataFrame:
@@ -255,11 +245,9 @@ def panels_of(table: pd.DataFrame) -> list[str]:
     return [name for name in ("-".join(place).removesuffix("-") for place in product(*orders)) if name in there]
 
 
-def paired(
-    first: pd.DataFrame, second: pd.DataFrame, value: str, at: Sequence[str], there: Sequence[str] = ()
-) -> pd.DataFrame:
+def paired(first: pd.DataFrame, second: pd.DataFrame, value: str, at: Sequence[str]) -> pd.DataFrame:
     """The rows of ``first`` with ``difference``, as of :func:`less_partner`; rows without a partner are left out."""
-    found = first.assign(difference=less_partner(first, second, value, at, there))
+    found = first.assign(difference=less_partner(first, second, value, at))
     return keep(found, np.isfinite(column(found, "difference")))
 
 

@@ -29,7 +29,7 @@ from segar.analysis.report.number_format import (
     plain,
     signed,
 )
-from segar.analysis.report.results import PANEL, shifts_in_words
+from segar.analysis.report.results import PANEL, panels_of, shifts_in_words
 from segar.analysis.report.rules import GATE_MARGIN
 from segar.analysis.stats.estimate import Estimate
 from segar.analysis.tables import column, count_of, mean_by, pick, select
@@ -103,7 +103,7 @@ def gate_table(evidence: Evidence) -> Table:
     rows = [
         [panel_name(panel), f"{counted[panel]}", f"{len(part)}", plain(float(column(part, LEARNED_FROM).mean())),
          plain(idle.get(panel, np.nan)), plain(chance.get(panel, np.nan))]
-        for panel in evidence.ungated.results.panels
+        for panel in panels_of(everything)
         for part in (select(everything, panel=panel),)
     ]  # fmt: skip
     head = ("panel", "runs that learned", "runs", "success on training levels", "idle play", "random play")
