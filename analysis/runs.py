@@ -291,13 +291,8 @@ def number_column(runs: pd.DataFrame, name: str) -> str:
 
 def _groups(table: pd.DataFrame, by: Sequence[str]) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
     """The values of the columns ``by`` and the rows that have them, in order of first appearance; one group without any."""
-    if not by:
-        yield {}, table
-        return
-    keys = names_of(table, by)
-    for key in dict.fromkeys(keys):
-        part = cast(pd.DataFrame, table[keys == key]).reset_index(drop=True)
-        yield {name: part[name].iloc[0] for name in by}, part
+    for _, part in table.groupby(names_of(table, by), sort=False):
+        yield {name: part[name].iloc[0] for name in by}, part.reset_index(drop=True)
 
 
 def _with_interval(row: Mapping[str, Any]) -> str:
