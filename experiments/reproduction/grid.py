@@ -53,13 +53,10 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
     )
     frames = grid.frames or scale.frames
     interval = base.evaluation.interval if grid.interval is None else grid.interval
-    for (seed, level_set), varied, algorithm, observation, task, variation, design, (family, difficulty), (
-        k,
-        n,
-    ) in places:
+    for (seed, level_set), varied, algorithm, observation, task, variation, design, panel, (k, n) in places:
         before = 0 if grid.nested else k
         seed, level_set = seed + before * len(seeds), level_set + before * (grid.level_sets or len(seeds))
-        cell = config_at(base, GridPoint(family, difficulty, n, seed))
+        cell = config_at(base, GridPoint(*panel, n, seed))
         run = dataclasses.replace(
             cell,
             levels=dataclasses.replace(cell.levels, seed=level_set, variation=variation, design=design),
