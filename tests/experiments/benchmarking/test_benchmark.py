@@ -236,13 +236,13 @@ def test_wrong_actions_are_refused(tmp_path, actions, said):
         (
             "hangs",
             TrainingError,
-            "gave no answer within 20 s, and its process was ended. policy_seconds=N waits longer",
+            "gave no answer within 2 s, and its process was ended. policy_seconds=N waits longer",
         ),
         ("looks_for_the_test", ConfigError, "a policy sees the training side of a suite alone"),
     ],
 )
 def test_what_is_no_policy_is_refused_by_its_name_and_leaves_nothing(tmp_path, name, error, said):
-    seconds = 20.0 if name == "hangs" else 600.0
+    seconds = 2.0 if name == "hangs" else 600.0
     config = config_of(tmp_path, policy=f"{LAB}:{name}", row="mine", policy_seconds=seconds)
     with pytest.raises(error, match=f"policy: .*{LAB}:{name}.*{said}"):
         row_made_here(config)
