@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from segar.analysis.report.claims import verdicts
 from segar.analysis.report.claims.claim import CLAIMS, Claim
@@ -92,6 +93,7 @@ def report(config: ReportConfig) -> None:
         print(f"report: {made.folder / PAGE}")
 
 
+@threadpool_limits.wrap(limits=1)  # in least squares of small tables, threads would wait for each other
 def make_report(config: ReportConfig) -> Report:
     """Reads the tables and writes the report; the same tables give the same bytes.
 
