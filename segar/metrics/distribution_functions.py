@@ -13,7 +13,7 @@ from segar.language import Entity, Factor, Parameter
 from segar.levels import LevelDistribution, Levels, checks, entity_types, gather, moments
 from segar.metrics import marginal_distributions
 from segar.metrics.points import cut, relevant_factors
-from segar.noise import Noise, Wrapped, ks_line
+from segar.noise import Noise, Wrapped, ks_candidates, ks_line
 
 GRID = 512  # steps of probability at which the curve of two distributions is taken
 ROUNDING = 1e-12  # that two computations of one probability may differ by
@@ -118,11 +118,7 @@ class TwoDistributions:
         """Both functions at the quantiles of both distributions in steps of 1/512, at their atoms, and just before these."""
         if self.a == self.b:
             return FLAT
-        q = np.linspace(0.0, 1.0, GRID + 1)[1:-1]
-        points = [np.asarray(noise.icdf(q), dtype=float) for noise in (self.a, self.b)]
-        points += [noise.pieces for noise in (self.a, self.b)]
-        points += [np.nextafter(noise.atoms[0], -np.inf) for noise in (self.a, self.b)]
-        at = np.unique(np.concatenate(points))
+        at = ks_candidates(self.a, self.b, GRID - 1)
         return np.append(self.a.cdf(at), 1.0), np.append(self.b.cdf(at), 1.0)
 
     def largest_difference(self) -> float:

@@ -2,7 +2,7 @@ from . import locations
 from .base import Noise
 from .continuous import GaussianNoise, LogUniform, TruncatedGaussianNoise, UniformNoise
 from .discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical
-from .distances import as_noise as as_noise, ks_line as ks_line
+from .distances import as_noise as as_noise, ks_candidates as ks_candidates, ks_line as ks_line
 from .locations import (
     CenterLocation as CenterLocation,
     GaussianNoise2D,

@@ -230,8 +230,6 @@ def check_width(distribution: Noise, width: int) -> None:
 
 def joined_atoms(values: np.ndarray, masses: Any) -> tuple[np.ndarray, np.ndarray]:
     """The distinct ones of ``values``, float64 ``(n,)`` or ``(n, 2)``, ascending, and the sum of the masses of each."""
-    if not len(values):
-        return values, masses
     distinct, place = np.unique(values, axis=0, return_inverse=True)
     return distinct, np.bincount(place.ravel(), weights=masses, minlength=len(distinct))
 

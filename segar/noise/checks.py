@@ -45,7 +45,7 @@ def interval(owner: object, name: str, ends: Any, strict: bool = False) -> tuple
         low = high = math.nan
     if math.isnan(low) or math.isnan(high):
         raise PriorError(f"{type(owner).__name__}: {name} must be two numbers (low, high), not {ends!r}")
-    if not (low < high if strict else low <= high):
+    if not (low < high if strict else low <= high) or low == math.inf or high == -math.inf:
         hint = f"; did you mean ({high:g}, {low:g})?" if low > high else "; for a constant give the value itself"
         raise PriorError(f"{type(owner).__name__}: {name} must go from low to high, not from {low:g} to {high:g}{hint}")
     if strict and not math.isfinite(high - low):

@@ -10,11 +10,12 @@ import numpy as np
 import scipy
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, fraction, set_fields
+from segar.noise.base import LAST_QUANTILE, Noise, fraction, set_fields
 from segar.noise.checks import finite, interval
 
 SIGMAS = 10  # a Gaussian is integrated this far to either side: beyond lies a mass of 1e-23
 PANELS = 24  # into which a truncated one is cut for integrals
+NARROW = 1e-8  # [std] an interval so short is as good as uniform; differences of masses would round
 TAIL = 46.0  # an exponential tail is integrated over this many of its scales: beyond lies a mass of 1e-20
 
 
@@ -146,6 +147,8 @@ class TruncatedGaussianNoise(GaussianBetween):
         return self.icdf(rng.random(size))
 
     def cdf(self, x: Any) -> Any:
+        if self._is_narrow:
+            return UniformNoise(*self.truncate).cdf(x)
         z = np.clip((np.asarray(x, dtype=float) - self.loc) / self.std, *self._z)
         return np.clip(self._mass_between(self._z[0], z) / self._mass, 0.0, 1.0)[()]
 
@@ -156,8 +159,10 @@ class TruncatedGaussianNoise(GaussianBetween):
 
     def icdf(self, q: Any) -> Any:
         q, low = fraction(q), self._z[0]
+        if self._is_narrow:
+            return UniformNoise(*self.truncate).icdf(q)
         if low <= 0:
-            z = scipy.special.ndtri(scipy.special.ndtr(low) + q * self._mass)
+            z = scipy.special.ndtri(np.minimum(scipy.special.ndtr(low) + q * self._mass, LAST_QUANTILE))
         else:
             z = -scipy.special.ndtri(scipy.special.ndtr(-low) - q * self._mass)
         z = np.where(q == 0, low, np.where(q == 1, self._z[1], z))
@@ -181,7 +186,13 @@ class TruncatedGaussianNoise(GaussianBetween):
     @cached_property
     def _mass(self) -> float:
         """Mass of the whole Gaussian between the ends."""
+        if self._is_narrow:
+            return float(gauss(np.mean(self._z))) * (self._z[1] - self._z[0])
         return float(self._mass_between(*self._z))
+
+    @property
+    def _is_narrow(self) -> bool:
+        return self._z[1] - self._z[0] < NARROW
 
     def _mass_between(self, low: Any, high: Any) -> Any:
         """Mass of the standard Gaussian between two points, both seen from the thinner tail."""
@@ -239,8 +250,10 @@ class LogUniform(Noise):
 
     def __post_init__(self) -> None:
         ends = interval(self, "its range", (self.low, self.high), strict=True)
-        if not ends[0] > 0:
-            raise PriorError(f"LogUniform: low must be positive, not {self.low!r}")
+        if not (ends[0] > 0 and math.isfinite(ends[1] / ends[0])):
+            raise PriorError(
+                f"LogUniform: low must be positive, and high / low finite, not {self.low!r} and {self.high!r}"
+            )
         set_fields(self, low=ends[0], high=ends[1])
 
     def sample(self, rng: Any, size: Any = None) -> Any:
@@ -259,19 +272,8 @@ class LogUniform(Noise):
         return (self.low * np.exp(self._span * fraction(q)))[()]
 
     @property
-    def mean(self) -> float:
-        return (self.high - self.low) / self._span
-
-    @property
-    def var(self) -> float:
-        return (self.high**2 - self.low**2) / (2 * self._span) - self.mean**2
-
-    @property
     def pieces(self) -> np.ndarray:
         return np.geomspace(self.low, self.high, max(2, math.ceil(self._span) + 1))
-
-    def entropy(self) -> float:
-        return math.log(self._span) + (math.log(self.low) + math.log(self.high)) / 2
 
     @property
     def _span(self) -> float:

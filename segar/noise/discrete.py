@@ -9,9 +9,10 @@ import numpy as np
 import scipy
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, fraction, joined_atoms, set_fields, shape_of
+from segar.noise.base import Noise, check_width, fraction, joined_atoms, set_fields, shape_of
 from segar.noise.checks import finite, interval, members, points, probabilities
 
+MOST_NUMBERS = 10_000_000  # of a range of whole numbers; each is an atom of 16 bytes
 SHOWN = 8  # values that the repr of an empirical distribution shows
 
 
@@ -35,8 +36,7 @@ class DiscreteNoise(Noise):
         return np.where(values[place] == x, masses[place], 0.0)[()]
 
     def icdf(self, q: Any) -> Any:
-        if self.width != 1:
-            raise PriorError(f"{type(self).__name__}: only a distribution on the line has quantiles")
+        check_width(self, 1)
         values, masses = self.atoms
         q = fraction(q)
         index = np.searchsorted(np.cumsum(masses)[:-1], q, side="left")
@@ -82,6 +82,10 @@ class DiscreteRangeNoise(DiscreteNoise):
         low, high = interval(self, "its range", (self.low, self.high))
         if not (low.is_integer() and high.is_integer()):
             raise PriorError(f"DiscreteRangeNoise: low and high must be whole numbers, not {self.low!r}, {self.high!r}")
+        if max(-low, high) > 2**53 or high - low >= MOST_NUMBERS:
+            raise PriorError(
+                f"DiscreteRangeNoise: the range {low:.17g} to {high:.17g} has too many or too large numbers"
+            )
         set_fields(self, low=int(low), high=int(high))
 
     def sample(self, rng: Any, size: Any = None) -> Any:
@@ -160,8 +164,8 @@ class Choice(DiscreteNoise):
         if not keys:
             raise PriorError("Choice needs at least one key")
         object.__setattr__(self, "keys", keys)
-        if np.isnan(self._numbers).any():
-            raise PriorError(f"Choice: a key is not a number: {keys!r}; leave it out")
+        if not np.isfinite(self._numbers).all():
+            raise PriorError(f"Choice: a key is not a finite number: {keys!r}; leave it out")
         object.__setattr__(self, "p", probabilities(self, self.p, len(keys)))
 
     @cached_property

@@ -234,7 +234,7 @@ def ks_line(a: Noise, b: Noise) -> float:
 
 def greatest_difference(a: Noise, b: Noise) -> float:
     """The largest value of ``a.cdf - b.cdf`` that was found, on the line."""
-    x = _ks_candidates(a, b)
+    x = ks_candidates(a, b)
     gap = a.cdf(x) - b.cdf(x)
     best = int(gap.argmax())
     if isinstance(a, DiscreteNoise) and isinstance(b, DiscreteNoise):
@@ -250,7 +250,7 @@ def supremum(a: Noise, b: Noise, tolerance: float) -> Estimate:
     the left. Cells whose bound exceeds the best value by more than the tolerance are halved.
     """
     value, excess = greatest_difference(a, b), 0.0
-    edges = np.unique(np.concatenate([[-np.inf], _ks_candidates(a, b), [np.inf]]))
+    edges = np.unique(np.concatenate([[-np.inf], ks_candidates(a, b), [np.inf]]))
     low, high = edges[:-1], edges[1:]
     for _ in range(BISECTIONS):
         bound = np.asarray(a.cdf(high)) - np.asarray(a.pmf(high)) - np.asarray(b.cdf(low))
@@ -271,9 +271,10 @@ def _integrated(a: Noise, b: Noise, nodes: int) -> float:
     return math.sqrt(float(weight @ (a.icdf(q) - b.icdf(q)) ** 2))
 
 
-def _ks_candidates(a: Noise, b: Noise) -> np.ndarray:
-    """Points at which the difference of the distribution functions may be largest, ascending."""
-    q = np.linspace(0.0, 1.0, KS_GRID + 2)[1:-1]
+def ks_candidates(a: Noise, b: Noise, quantiles: int = KS_GRID) -> np.ndarray:
+    """Points at which the difference of the distribution functions may be largest, ascending: where they bend or jump, just
+    before jumps, and so many quantiles of each."""
+    q = np.linspace(0.0, 1.0, quantiles + 2)[1:-1]
     points = [one.pieces for one in (a, b)]
     points += [one.icdf(q) for one in (a, b) if not isinstance(one, DiscreteNoise)]
     points += [np.nextafter(one.atoms[0], -np.inf) for one in (a, b)]

@@ -67,10 +67,6 @@ class PlaneNoise(Noise):
         return values, np.outer(mass, weight).ravel()
 
     @property
-    def pieces(self) -> np.ndarray:
-        raise PriorError(f"{self!r} is a distribution on the plane; pieces are for distributions on the line")
-
-    @property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
         x, y = (np.unique(np.append(part.pieces, part.icdf(GRID_QUANTILES))) for part in self.components)
         return x, y
@@ -220,9 +216,7 @@ class RandomBottomLeftLocation(BoxLocation):
 class CenterLocation(PlaneNoise):
     """The centre of the arena, (0, 0)."""
 
-    @property
-    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
-        return Deterministic(0.0), Deterministic(0.0)
+    components = Deterministic(0.0), Deterministic(0.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -244,9 +238,6 @@ class RandomEdgeLocation(MixtureNoise):
     @cached_property
     def laws(self) -> tuple[Noise, ...]:  # type: ignore[override]
         return tuple(Independent(UniformNoise(x, x + QUARTER), UniformNoise(y, y + QUARTER)) for x, y in _rim_corners())
-
-    def entropy(self) -> float:
-        return math.log(12 * QUARTER**2)
 
     @property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:

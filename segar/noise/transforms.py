@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, set_fields
+from segar.noise.base import LAST_QUANTILE, Noise, set_fields
 from segar.noise.checks import finite
 from segar.noise.locations import Independent
 
@@ -78,7 +78,8 @@ class Affine(Noise):
             return self._there(self.law.icdf(q))[()]
         if len(self.law.atoms[0]):
             return super().icdf(q)  # where the cdf jumps, the quantile of 1 - q is the upper end of what reaches q
-        return self._there(self.law.icdf(1.0 - np.asarray(q, dtype=float)))[()]
+        q = np.asarray(q, dtype=float)
+        return self._there(self.law.icdf(np.where(q > 0, np.minimum(1.0 - q, LAST_QUANTILE), 1.0 - q)))[()]
 
     @property
     def mean(self) -> Any:

@@ -15,6 +15,7 @@ from segar.noise.checks import finite
 
 SIGMAS = 10  # pieces of one standard deviation, to either side of the mean, before the rest in one piece
 CDF_NODES = 16  # of Gauss-Legendre quadrature within a piece: errors below 1e-14
+MOST_TURNS = 10_000  # over which densities and masses are summed
 TABLE = 32  # points per piece from which a quantile is first read
 NEWTON_STEPS = 3  # that make it exact to rounding
 
@@ -69,10 +70,6 @@ class Wrapped(Noise):
         half = self.period / 2
         return np.unique(np.concatenate([[-half, half], wrap(self.law.pieces, self.period)]))
 
-    @property
-    def support(self) -> tuple[float, float]:
-        return -self.period / 2, self.period / 2
-
     def _smooth(self, x: Any) -> np.ndarray:
         """The mass of the unwrapped distribution up to ``x`` that is not in atoms."""
         values, masses = self.law.atoms
@@ -87,8 +84,12 @@ class Wrapped(Noise):
     @cached_property
     def _turns(self) -> np.ndarray:
         """The turns in which the distribution has mass, as numbers of periods away from the middle one."""
-        low, high = self.law.pieces[0], self.law.pieces[-1]
-        return np.arange(round(low / self.period), round(high / self.period) + 1.0)
+        first, last = np.rint(self.law.pieces[[0, -1]] / self.period)
+        if not last - first < MOST_TURNS:
+            raise PriorError(
+                f"{self!r} goes round its circle {last - first:.0f} times; measures take {MOST_TURNS} at most"
+            )
+        return np.arange(first, last + 1)
 
 
 def wrap(x: Any, period: float) -> Any:
@@ -108,6 +109,7 @@ class VonMises(Noise):
 
     loc: float
     kappa: float
+    period = math.tau  # type: ignore[assignment]
 
     def __init__(self, mean: float = 0.0, kappa: float = 1.0) -> None:
         finite(self, mean=mean, kappa=kappa)
@@ -136,18 +138,6 @@ class VonMises(Noise):
             step = np.divide(self._below(z) - q, density, out=np.zeros_like(density), where=density > 0)
             z = np.clip(z - step, low, high)
         return (self.loc + np.where(q == 0, -math.pi, np.where(q == 1, math.pi, z)))[()]
-
-    @property
-    def mean(self) -> float:
-        return self.loc
-
-    @property
-    def period(self) -> float:
-        return math.tau
-
-    @property
-    def support(self) -> tuple[float, float]:
-        return self.loc - math.pi, self.loc + math.pi
 
     @property
     def pieces(self) -> np.ndarray:

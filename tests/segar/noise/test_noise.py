@@ -44,6 +44,10 @@ LINE = [
     sn.Affine(sn.Bernoulli(0.3), scale=0.1, shift=0.7),
     sn.Wrapped(sn.GaussianNoise(2.0, 1.5)),
     sn.Wrapped(sn.GaussianNoise(0.4, 0.2, clip=(0.1, 0.6)), period=0.5),
+    sn.TruncatedGaussianNoise(0.0, 1.0, truncate=(0.0, math.inf)),
+    sn.TruncatedGaussianNoise(0.0, 1e17, truncate=(-1.0, 1.0)),
+    sn.LogUniform(1.0, 1.0 + 1e-9),
+    sn.Affine(sn.GaussianNoise(1.0, 2.0), scale=-2.0, shift=0.3),
 ]
 BOX = re.compile(r"(\[\S+, \S+\]) x (\[\S+, \S+\])")
 ROW = re.compile(r"^\| `(\w+Location)` \| (\[\S+, \S+\]|0)[^|]* \| (\[\S+, \S+\]|0) \|$", re.M)
@@ -165,7 +169,9 @@ def test_the_w2_of_gaussians_is_the_square_root_with_standard_deviations():
 
 
 @pytest.mark.parametrize(
-    ("a", "b"), list(itertools.combinations([*LINE[:3], *LINE[5:10], LINE[13], LINE[14], LINE[19]], 2)), ids=repr
+    ("a", "b"),
+    list(itertools.combinations([*LINE[:3], *LINE[5:10], LINE[13], LINE[14], LINE[19], LINE[-1]], 2)),
+    ids=repr,
 )
 def test_w2_and_ks_agree_with_brute_force(a, b):
     q = (np.arange(20_000) + 0.5) / 20_000
@@ -282,7 +288,13 @@ def test_one_draw_without_size_is_a_number():
         (lambda: sn.Choice(["a", "b"]).cdf(0.0), "things that are not numbers"),
         (lambda: sn.Choice(["a", "b"]).w2(sn.Bernoulli(0.5)), r"Choice.*among things that are not numbers"),
         (lambda: sn.Choice(3), "Choice: keys must be a list, not 3"),
-        (lambda: sn.Choice([0.0, math.nan]), "a key is not a number"),
+        (lambda: sn.Choice([0.0, math.nan]), "a key is not a finite number"),
+        (lambda: sn.Choice([0.0, math.inf]), "a key is not a finite number"),
+        (lambda: sn.GaussianNoise(0.0, 1.0, clip=(math.inf, math.inf)), "clip must go from low to high"),
+        (lambda: sn.LogUniform(1e-200, 1e200), "high / low finite"),
+        (lambda: sn.DiscreteRangeNoise(0, 10**12), "too many or too large numbers"),
+        (lambda: sn.DiscreteRangeNoise(2**53 + 1, 2**53 + 3), "too many or too large numbers"),
+        (lambda: sn.Wrapped(sn.GaussianNoise(0.0, 1e6)).cdf(0.0), "goes round its circle 3183098 times"),
         (lambda: sn.Choice([1, 2], ["a", 1]), "probabilities must be a list of numbers"),
         (lambda: sn.Mixture(sn.Bernoulli(0.5)), "Mixture: laws must be a list"),
         (lambda: sn.Mixture([sn.UniformNoise(0, 1), 3.0]), "all on the line or all on the plane"),
