@@ -181,8 +181,7 @@ def _at_start(levels: Levels, hidden: Hidden) -> Values:
     there = [
         (name, f) for name, factors in hidden.items() for f in factors if name in layout.names and f in layout.columns
     ]
-    columns = {f: slice(layout.columns[f], layout.columns[f] + f.width) for _, f in there}
-    return {(name, f): levels.values[:, layout.slot_index(name), columns[f]] for name, f in there}
+    return {(name, f): levels.values[:, layout.slot_index(name), layout.columns_of(f)] for name, f in there}
 
 
 def _in_play(prepared: Prepared, hidden: Hidden) -> Iterator[Values]:

@@ -45,10 +45,8 @@ def dynamics_distances(
     checks.require_factors("dynamics_distances", factors, a, b)
     if a.layout != b.layout:
         raise LevelError("dynamics_distances: these level sets have different entities; compare sets of one layout")
-    columns = []
-    for factor in factors:
-        first = a.layout.columns[a.layout.factor(factor.__name__)]
-        columns += range(first, first + factor.width)
+    parts = [a.layout.columns_of(a.layout.factor(factor.__name__)) for factor in factors]
+    columns = [column for part in parts for column in range(a.layout.width)[part]]
     checks.require_count("dynamics_distances", "sequences", sequences, 1)
     checks.require_count("dynamics_distances", "steps as horizon", horizon, 1)
     starts = make_starts(a, task, seed), make_starts(b, task, seed)

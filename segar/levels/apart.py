@@ -71,8 +71,7 @@ def _numbers(levels: LevelData, source: LevelSource | None) -> np.ndarray:
             if kind is Parameter and factor in layout.parameters:
                 of_parameters[layout.parameters.index(factor)] = deviation
             elif kind in layout.types and factor in counted:
-                at = counted[factor]
-                units[layout.types.index(kind), at : at + factor.width] = deviation
+                units[layout.types.index(kind), layout.columns_of(factor)] = deviation
     columns = [at + k for factor, at in counted.items() for k in range(factor.width)]
     values = np.nan_to_num(levels.values, nan=0.0, posinf=0.0, neginf=0.0) / units[levels.types]
     return np.concatenate([values[:, :, columns].reshape(len(levels), -1), levels.parameters / of_parameters], axis=1)

@@ -1,6 +1,7 @@
 """Checks of what measures are given: level sets, distributions, generators and factors."""
 
 from collections.abc import Iterable
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,12 @@ def require_count(what: str, name: str, value: object, least: int) -> None:
         raise LevelError(
             f"{what} needs at least {least} {name}, not {value!r}{'' if is_whole(value) else ': a whole number'}"
         )
+
+
+def require_size(what: str, name: str, value: object) -> None:
+    """Raise :class:`LevelError` in the name of the function ``what`` unless ``value`` is a finite number of at least 0."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real) or not 0 <= float(value) < np.inf:
+        raise LevelError(f"{what}: {name} must be a finite number of at least 0, not {value!r}")
 
 
 def require_factors(what: str, factors: Any, *sets: Any) -> None:

@@ -46,6 +46,7 @@ def embed(
         LevelError: one of the sets is not a level set.
     """
     units = Units.checked("embed", sets, scale, factors)
+    checks.require_size("embed", "mismatch", mismatch)
     types = entity_types(*sets)
     blocks = [_bags([_unrolled(units.state(levels, entity)) for levels in sets], mismatch) for entity in types]
     varied = units.parameters(*sets)

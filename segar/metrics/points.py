@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -97,9 +96,8 @@ def _check_scale(what: str, scale: Any) -> None:
             raise LevelError(f"{what}: scale is keyed by (entity type, factor), {form}, not by {key!r}")
         if not (issubclass(factor, Parameter) if owner is Parameter else factor in getattr(owner, "declared", ())):
             raise LevelError(f"{what}: scale gives a unit to {factor.__name__} of {owner.__name__}, which has none")
-        if isinstance(unit, (bool, np.bool_)) or not isinstance(unit, Real) or not 0 <= float(unit) < np.inf:
-            name = f"{'world' if owner is Parameter else owner.__name__}.{factor.__name__}"
-            raise LevelError(f"{what}: the scale of {name} must be a finite number of at least 0, not {unit!r}")
+        name = f"{'world' if owner is Parameter else owner.__name__}.{factor.__name__}"
+        checks.require_size(what, f"the scale of {name}", unit)
 
 
 def cut(values: np.ndarray, factor: type[Factor]) -> np.ndarray:
@@ -145,6 +143,6 @@ def spread(*sets: Levels | LevelDistribution) -> Spread:
         means, variances = (np.stack(values) for values in zip(*(m[key] for m in known if key in m), strict=True))
         variance = variances.mean(axis=0) + moments.mean_and_variance(means, key[1].period)[1]
         # What is constant may differ in its last bit after arithmetic; that is no spread.
-        variance[variance <= (1e-9 * np.abs(means).max(axis=0)) ** 2] = 0.0
+        variance[variance <= (1e-12 * np.abs(means).max(axis=0)) ** 2] = 0.0
         found[key] = float(np.sqrt(variance.mean()))
     return found

@@ -60,6 +60,7 @@ def coverage(
         checks.require_generator("coverage", rng)
         of = of.sample(STAND_IN, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
     units = Units.checked("coverage", (levels, of), scale, factors)
+    checks.require_size("coverage", "mismatch", mismatch)
     costs = exact_costs(of, levels, entity_types(of, levels), units, mismatch)
     nearest = np.sqrt(costs.min(axis=1))
     return Coverage(float(nearest.max()), float(np.quantile(nearest, 0.95)), float(nearest.mean()))
@@ -79,6 +80,7 @@ def effective_number(
     Arguments and errors are those of :func:`segar.metrics.w2`.
     """
     units = Units.checked("effective_number", (levels,), scale, factors)
+    checks.require_size("effective_number", "mismatch", mismatch)
     costs = exact_costs(levels, levels, entity_types(levels), units, mismatch)
     typical = np.exp(-np.sqrt(np.maximum(costs, 0.0))).mean(axis=1)
     return float(np.exp(-np.log(typical).mean()))
@@ -146,8 +148,7 @@ def _columns(levels: Levels, factors: Sequence[type[Factor]] | None) -> tuple[np
         kinds = [layout.types[k] for k in np.unique(levels.types[:, slot]) if k >= 0]
         kinds = [k for k in kinds if not issubclass(k, GlobalFriction)]
         for factor in dict.fromkeys(f for kind in kinds for f in relevant_factors(kind, factors)):
-            column = layout.columns[factor]
-            found.append(cut(levels.sampled_values[:, slot, column : column + factor.width], factor))
+            found.append(cut(levels.sampled_values[:, slot, layout.columns_of(factor)], factor))
             slots += [slot] * factor.width
     chosen = [k for k, p in enumerate(layout.parameters) if factors is None or p in factors]
     found += [cut(levels.parameters[:, [k]], layout.parameters[k]) for k in chosen]

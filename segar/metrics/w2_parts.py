@@ -87,6 +87,7 @@ def decompose(
     Arguments and errors are those of :func:`segar.metrics.w2`. The distance is that of the paper's Algorithm 1.
     """
     units, types = Units.checked("decompose", (a, b), scale, factors), entity_types(a, b)
+    checks.require_size("decompose", "mismatch", mismatch)
     unseen = warn_of_unseen("decompose", a, b, "exact", factors, scale)
     costs = exact_costs(a, b, types, units, mismatch)
     plan = plan_of(costs)
@@ -222,20 +223,17 @@ def w2_debiased(
     pairs = ((of_a, n), (of_a, m)), ((of_b, n), (of_b, m)), ((of_a, n), (of_b, m))
     own_a, own_b, between = (_distances(*pair, rng, repeats, options) for pair in pairs)
     square = value**2 - 0.5 * float((own_a**2).mean() + (own_b**2).mean())
+    floor_a, floor_b = (Floor(float(d.mean()), float(d.std(ddof=1)), repeats) for d in (own_a, own_b))
     variances = [float(np.var(d**2, ddof=1)) for d in (own_a, own_b, between)]
     return DebiasedW2(
         value=value,
-        floor_a=_floor(own_a),
-        floor_b=_floor(own_b),
+        floor_a=floor_a,
+        floor_b=floor_b,
         square=square,
         standard_error=float(np.sqrt(variances[2] + 0.25 * (variances[0] + variances[1]) / repeats)),
         debiased=float(np.sqrt(max(square, 0.0))),
         unseen=unseen,
     )
-
-
-def _floor(distances: np.ndarray) -> Floor:
-    return Floor(float(distances.mean()), float(distances.std(ddof=1)), len(distances))
 
 
 def _distances(

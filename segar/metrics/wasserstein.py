@@ -219,8 +219,7 @@ def cost_function(
         raise LevelError(f"{what}: mode='{mode}' takes neither scale nor factors; they belong to mode='exact'")
     if mismatch is None:
         mismatch = MISMATCH if mode == "exact" else REFERENCE_MISMATCH
-    if not 0 <= mismatch < np.inf:
-        raise LevelError(f"{what}: mismatch must be a finite number of at least 0, not {mismatch!r}")
+    checks.require_size(what, "mismatch", mismatch)
     if mode == "reference":
         return lambda x, y: reference_costs(x, y, mismatch)
     types = entity_types(a, b)

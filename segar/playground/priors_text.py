@@ -139,8 +139,7 @@ def _conditional(distribution: LevelDistribution) -> dict[str, list[Described]]:
     levels = distribution.sample(CONDITIONAL_SAMPLE, split=SPLIT) if alike else None
     for (factor, *parts), slots in alike.items():
         assert levels is not None
-        column = plan.layout.columns[factor]
-        values = levels.sampled_values[:, slots, column : column + factor.width].reshape(-1, factor.width)
+        values = levels.sampled_values[:, slots, plan.layout.columns_of(factor)].reshape(-1, factor.width)
         values = values[~np.isnan(values[:, 0])]
         needed = {one for _, priors in parts for prior in priors for one in factors_needed(prior)}
         reads = sorted(f.__name__ if owner is None else f"{owner}.{f.__name__}" for owner, f in needed)

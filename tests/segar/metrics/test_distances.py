@@ -236,6 +236,10 @@ def test_a_test_repeats_and_works_on_levels_with_all_kinds_of_entities():
         (lambda a: mmd_test(a, a, rng=rng(), resamples=3), "at least 19 resamples, not 3"),
         (lambda a: w2_debiased(a, a, rng=rng(), repeats=1), "at least 2 repeats"),
         (lambda a: decompose(a, None), "decompose takes level sets"),
+        (
+            lambda a: decompose(a, a, mismatch=-1.0),
+            "decompose: mismatch must be a finite number of at least 0, not -1.0",
+        ),
     ],
 )
 def test_wrong_options_are_named(call, message):

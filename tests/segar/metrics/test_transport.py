@@ -190,6 +190,8 @@ def test_without_a_distribution_the_levels_themselves_give_the_units():
     a, b = (Levels.from_entities([[GolfBall({Position: [x, 0.0]})] for x in xs]) for xs in ((-0.2, 0.2), (0.3, 0.7)))
     # Equal mixture of both sets along x: variance 0.2^2 within, 0.25^2 between; none along y.
     assert spread(a, b)[GolfBall, Position] == pytest.approx(np.sqrt((0.2**2 + 0.25**2) / 2))
+    near = Levels.from_entities([[GolfBall({segar.Mass: mass})] for mass in (10.0, 10.0 + 2e-8)])
+    assert spread(near)[GolfBall, segar.Mass] == pytest.approx(1e-8)
 
 
 def test_the_size_of_a_hull_is_that_of_a_disc_of_equal_area():
