@@ -1,4 +1,9 @@
-from .checks import actions_of as actions_of, known_options as known_options, require_known as require_known
+from .checks import (
+    actions_of as actions_of,
+    known_options as known_options,
+    require_known as require_known,
+    seed_of as seed_of,
+)
 from .gym_env import Env
 from .gymnasium_ids import (
     OBSERVATION_NAMES as OBSERVATION_NAMES,

@@ -18,6 +18,7 @@ from segar.language import Task
 from segar.levels import Levels, checks
 
 RANDOM_PLAYS = 20  # random episodes per level
+ROUNDING = 1e-12  # by which figures may differ that are all alike, as a part of them
 SAMPLES, ITERATIONS = 64, 5  # of the search, per level
 
 
@@ -48,7 +49,7 @@ class Baselines:
         NaN where the planner's mean is no better than the floor's, as on levels that nobody can influence.
         """
         low, span = self.floor.mean(), self.oracle.mean() - self.floor.mean()
-        return (np.asarray(value, float) - low) / (span if span > 0 else np.nan)
+        return (np.asarray(value, float) - low) / (span if span > ROUNDING * abs(low) else np.nan)
 
     def regret(self, value: Any) -> Any:
         """The planner's mean return less a mean return on the same levels, in units of return; float or array."""

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from segar.envs import Policy, TimeStep, VectorEnv, play
+from segar.envs import Policy, TimeStep, VectorEnv, play, seed_of
 from segar.levels import Levels
 
 BATCH = 512  # episodes that are played at once
@@ -57,7 +57,7 @@ def play_episodes(levels: Levels, indices: np.ndarray, policy: Policy, *, seed: 
         seed: of the environments, for tasks whose physics is random.
         options: of :class:`segar.envs.VectorEnv`, such as ``trials``.
     """
-    parts = []
+    parts, seed = [], seed_of(seed)
     for first in range(0, len(indices), BATCH):
         batch = indices[first : first + BATCH]
         env = VectorEnv(levels, len(batch), seed=seed + first, **options)

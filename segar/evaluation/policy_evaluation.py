@@ -9,17 +9,16 @@ from numpy.typing import ArrayLike
 
 from segar.envs import Policy, VectorEnv, actions_of, begin_policy, known_options
 from segar.errors import ActionError, SegarError, did_you_mean
-from segar.evaluation.baselines import Baselines, find_baselines
+from segar.evaluation.baselines import ROUNDING, Baselines, find_baselines
 from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
 from segar.hardness import wilson_interval
-from segar.levels import Levels
+from segar.levels import Levels, checks
 from segar.metrics import w2
 from segar.observations import trained_on
 from segar.support import ShownInNotebooks, aligned, counted, is_whole
 
 CONFIDENCE = 0.95
 TRIAL_QUANTITIES = ("return", "success")  # quantities that are told trial by trial
-ROUNDING = 1e-12  # by which levels may differ that are all alike, as a part of their figures
 SHARES = ("success", "death")  # quantities that are shares of episodes
 OF_SETS = ("score", "regret")  # figures of level sets, which are not means of quantities of episodes
 NOT_CHOSEN = ("autoreset_mode", "copy", "render_mode")  # options of environments that evaluation decides
@@ -144,8 +143,8 @@ class Evaluation(ShownInNotebooks):
 
         The interval says what other levels of the same distributions might give, training levels included; the ``gap_se``
         of runs takes the training levels as they are. It says nothing of other seeds of training: for these, evaluate
-        several trained policies. The interval of a share ends at -1 and 1; where no level differs from the others of its
-        set, it is Newcombe's, and returns have none.
+        several trained policies. The interval of a share ends at -1 and 1; where the levels of a set are all alike, it is
+        made of both sets' intervals as Newcombe's, and returns have none.
         """
         return _interval([self.test.of_levels(quantity), self.train.of_levels(quantity)], quantity in SHARES)
 
@@ -223,9 +222,7 @@ def evaluate_policy(
     _require_arguments(policy, episodes, scores)
     require_modes(distances)
     sets = {"train": train, "test": test}
-    for name, levels in sets.items():
-        if not isinstance(levels, Levels):
-            raise SegarError(f"evaluate_policy: {name} must be a level set (segar.Levels), not {levels!r}")
+    checks.require_levels("evaluate_policy", train, test)
     options["observation"] = trained_on(options.get("observation", "state"), train)  # a test has the units of training
     _require_one_space(sets, options)
     found = {name: _result(policy, levels, episodes, seed, scores, options) for name, levels in sets.items()}
@@ -391,18 +388,21 @@ def checked_actions(given: Any, env: VectorEnv) -> Any:
 
 def _interval(groups: Sequence[np.ndarray], is_share: bool = False) -> Interval:
     """The mean of a group, or what it is above that of a second one, with the interval of Student, or of Welch, over their
-    entries. Where no group varies, these have no width: that of shares is Wilson's, or Newcombe's (1998), of others none."""
+    entries. A group that does not vary says nothing of others: its share has Wilson's interval, and that of a difference is
+    made of both groups' as Newcombe's (1998); of other numbers there is none."""
     from scipy.special import stdtrit
 
     means, counts = [float(group.mean()) for group in groups], [len(group) for group in groups]
     value, least = means[0] - sum(means[1:]), 1.0 - len(groups)
-    vary = any(np.ptp(group) > ROUNDING * abs(group).max() for group in groups)
+    vary = all(np.ptp(group) > ROUNDING * abs(group).max() for group in groups)
     if min(counts) < 2 or not (is_share or vary):
         return Interval(value, np.nan, np.nan)
+    if not vary and len(groups) == 1:
+        return Interval(value, *map(float, wilson_interval(value, counts[0])))
     if not vary:
-        lows, highs = zip(*map(wilson_interval, means, counts), strict=True)
-        below = np.hypot(means[0] - lows[0], sum(highs[1:]) - sum(means[1:]))
-        above = np.hypot(highs[0] - means[0], sum(means[1:]) - sum(lows[1:]))
+        one, other = (_interval([group], is_share) for group in groups)
+        below = np.hypot(one.value - one.low, other.high - other.value)
+        above = np.hypot(one.high - one.value, other.value - other.low)
         return Interval(value, float(value - below), float(value + above))
     squares = [float(group.var(ddof=1)) / len(group) for group in groups]
     freedom = sum(squares) ** 2 / sum(s**2 / (n - 1) for s, n in zip(squares, counts, strict=True))

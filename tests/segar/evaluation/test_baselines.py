@@ -89,7 +89,8 @@ def test_scores_and_regrets_are_linear_and_nan_where_nothing_can_be_won():
     for scale in (ends.normalised, ends.regret):
         assert scale(share * a + (1 - share) * b) == pytest.approx(share * scale(a) + (1 - share) * scale(b))
     same = np.array([-2.0])
-    assert np.isnan(Baselines(random=same, idle=same - 1, oracle=same).normalised(-3.0))
+    for oracle in (same, same + 4e-16):
+        assert np.isnan(Baselines(random=same, idle=same - 1, oracle=oracle).normalised(-3.0))
 
 
 @segar.rule

@@ -134,6 +134,15 @@ def test_shares_that_no_level_breaks_have_wilsons_interval_and_their_gap_newcomb
         assert gap.low < 0 < gap.high
 
 
+def test_the_gap_counts_what_levels_that_are_alike_leave_open():
+    """One of two or three levels more or less would have been another share, however much the other set's levels vary."""
+    few, many = (LevelSetResult(played_with([True] * n), n) for n in (2, 200))
+    mixed = LevelSetResult(played_with([True, False] * 20, -np.arange(40.0)), 40)
+    wide, narrow = (Evaluation(one, mixed).gap("success") for one in (few, many))
+    assert wide.high - wide.value > 0.6 > 0.2 > narrow.high - narrow.value
+    assert np.isnan(Evaluation(few, mixed).gap().low)
+
+
 def test_what_is_printed_names_sets_gap_and_distance():
     found = segar.evaluate_policy(Linear(), TRAIN, TEST, distances=("exact",))
     lines = str(found).splitlines()
@@ -145,8 +154,9 @@ def test_what_is_printed_names_sets_gap_and_distance():
     ("changes", "message"),
     [
         ({"policy": None}, "policy must be a function of observations, not None"),
-        ({"train": "empty-hard"}, "train must be a level set"),
+        ({"train": "empty-hard"}, "evaluate_policy takes level sets .*; a str is not supported"),
         ({"episodes": 0}, "episodes must be a whole number from 1 up, not 0"),
+        ({"seed": None}, "a seed is a whole number from 0 .* not None"),
         ({"episodes": 1.5}, "episodes must be a whole number from 1 up, not 1.5"),
         ({"copy": False}, "'copy' is not to be chosen here"),
         ({"test": segar.family("objectsx1-easy").sample(2, seed=0)}, "would observe Box.* in the training levels"),
@@ -201,7 +211,7 @@ def test_intervals_of_shares_end_where_shares_do():
     one, none = (LevelSetResult(played_with(success), 3) for success in ([True, False, False], [False] * 3))
     assert one.mean("success") == (pytest.approx(1 / 3), 0.0, 1.0)
     gap = Evaluation(one, none).gap("success")
-    assert gap.low == -1.0 and -1 / 3 < gap.high <= 1.0 and gap.value == pytest.approx(-1 / 3)
+    assert -1.0 <= gap.low < -0.9 and -1 / 3 < gap.high <= 1.0 and gap.value == pytest.approx(-1 / 3)
     assert np.isnan(LevelSetResult(played_with([True]), 1).mean("success").low)
 
 
