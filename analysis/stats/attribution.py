@@ -19,6 +19,8 @@ MOST_GROUPS = 8  # 256 sets of levels
 
 def full_factorial(groups: Sequence[str]) -> pd.DataFrame:
     """All 2^k combinations of groups: a column each, 1 where the group is as in the test level, 0 as in training."""
+    if {*groups} & {"pair", "value", "total"} or len({*groups}) < len(groups):
+        raise SegarError(f"groups must have names of their own, and none is pair, value or total: {', '.join(groups)}")
     if not 1 <= len(groups) <= MOST_GROUPS:
         raise SegarError(f"a full factorial design has 1 to {MOST_GROUPS} groups, not {len(groups)}; join some")
     return pd.DataFrame(list(product((0, 1), repeat=len(groups))), columns=list(groups))

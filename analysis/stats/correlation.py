@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from segar.analysis.stats.estimate import Estimate
+from segar.analysis.stats.estimate import NOT_FINITE, ROUNDING, Estimate
 from segar.analysis.tables import Floats
 
 MIN_POINTS = 3  # two points always lie on a line
@@ -59,7 +59,7 @@ def correlate(x: Floats, y: Floats, covariates: Floats | None = None) -> Correla
 def explained(y: Floats, predictors: Floats) -> float:
     """R²: the share of the variance of ``y`` [n] that a constant and ``predictors`` [n, k] explain; NaN where there is none."""
     given = np.column_stack([np.ones(len(y)), predictors])
-    if why_not(y) or len(y) <= np.linalg.matrix_rank(given):
+    if why_not(y) or not np.isfinite(given).all() or len(y) <= np.linalg.matrix_rank(given):
         return float("nan")
     return 1 - float((residuals(y, given) ** 2).sum() / ((y - y.mean()) ** 2).sum())
 
@@ -88,8 +88,8 @@ def why_not(*columns: Floats) -> str:
     if points < MIN_POINTS:
         return f"{points} point{'' if points == 1 else 's'}; at least {MIN_POINTS} are needed"
     if not all(np.isfinite(column).all() for column in columns):
-        return "some values are missing or not finite"
-    if any(np.ptp(column) == 0 for column in columns):
+        return NOT_FINITE
+    if any(np.ptp(column) <= ROUNDING * np.abs(column).max() for column in columns):
         return "all points have the same value"
     return ""
 

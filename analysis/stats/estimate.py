@@ -13,6 +13,7 @@ from segar.analysis.tables import Floats
 
 ROUNDING = 1e-12  # width of an interval, as a part of its ends, that is none
 ALIKE = "all units are alike: no interval"
+NOT_FINITE = "some values are missing or not finite"
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Estimate:
         of others."""
         if high - low > ROUNDING * max(abs(low), abs(high)):
             return cls(value, low, high, n, p)
-        return cls(value, float("nan"), float("nan"), n, note=ALIKE)
+        return cls(value, float("nan"), float("nan"), n, note=ALIKE if np.isfinite([low, high]).all() else NOT_FINITE)
 
     def told_from(self, nothing: float, data: str) -> Estimate:
         """The estimate; with a note that ``data``, e.g. "400 frames of 32 episodes", do not tell it from ``nothing``, where its
@@ -59,6 +60,11 @@ class Estimate:
     def row(self, **more: Any) -> dict[str, Any]:
         """The estimate as a row of a table, after the columns ``more``."""
         return {**more, **asdict(self)}
+
+
+def difference(a: Any, b: Any) -> Floats:
+    """``a - b``, and 0 where they differ by rounding only, by 1e-12 of them."""
+    return np.where(np.isclose(a, b, rtol=ROUNDING, atol=0.0), 0.0, np.subtract(a, b))
 
 
 def student_p(value: float, error: float, freedom: int, sides: int = 1) -> float:

@@ -12,6 +12,7 @@ import statsmodels.formula.api as smf
 from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
 from segar.analysis.stats.association import keys, logarithms, require
+from segar.analysis.stats.correlation import why_not
 from segar.analysis.stats.estimate import Estimate
 from segar.analysis.tables import column
 from segar.errors import SegarError
@@ -75,7 +76,10 @@ def mixed_model(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         model = smf.mixedlm(formula, data, groups=np.ones(len(data)), vc_formula=parts, re_formula="0")
-        found: Any = model.fit(reml=True)
+        try:
+            found: Any = model.fit(reml=True)
+        except np.linalg.LinAlgError as error:
+            raise SegarError("the model is singular: an effect has one group, or terms say the same") from error
     serious = [str(one.message) for one in caught if issubclass(one.category, ConvergenceWarning)]
     note = "an effect's variance is at its bound, 0" if any("boundary" in text for text in serious) else ""
     names = {"Intercept": "intercept", **{f"x{k}": term for k, term in enumerate(terms)}}
@@ -105,7 +109,7 @@ def model_table(
         data[f"x{k}"] = logarithms(table, [name])[:, 0] if name in log else column(table, name)
     terms = [f"log {name}" if name in log else name for name in x]
     for key, values in data.items():
-        if not np.isfinite(values).all() or np.ptp(values) == 0:
+        if why_not(values):
             name = y if key == "y" else x[int(key[1:])]
             raise SegarError(f"'{name}' has missing values, or does not vary; leave it out or drop those runs")
         if standardise:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from segar.analysis.stats.association import keys, require
-from segar.analysis.stats.correlation import explained
+from segar.analysis.stats.correlation import explained, why_not
 from segar.analysis.tables import Floats
 
 
@@ -20,7 +20,8 @@ def left_out(
 
     Columns: ``predictors``, ``r2``, ``adjusted_r2``, ``r2_left_out`` and ``n`` (runs). ``r2_left_out`` is
     1 - (squared errors on the groups left out) / (squared deviations from the mean of the runs that were seen); it is
-    negative where the mean of the other groups predicts better. NaN where there are too few runs, or one group.
+    negative where the mean of the other groups predicts better. NaN where there are too few runs,
+    one group, or a missing value.
     """
     require(table, y, *groups, *(name for names in predictors.values() for name in names))
     target = table[y].to_numpy(np.float64)
@@ -38,10 +39,12 @@ def left_out(
 
 def gain(y: Floats, x: Floats, base: Floats, groups: np.ndarray) -> float:
     """R² of least squares on a constant, ``base`` and ``x`` over that without ``x``, [n, k] each, of groups that are left out
-    in turn; NaN where there are too few rows, or one group."""
+    in turn; NaN where there are too few rows or one group, ``y`` does not vary, or a value is not finite."""
     ones = np.ones((len(y), 1))
     without, with_x = np.column_stack([ones, base]), np.column_stack([ones, base, x])
     names, wrong = np.unique(groups), np.zeros(2)
+    if why_not(y) or not np.isfinite(with_x).all():
+        return float("nan")
     for name in names:
         out = groups == name
         if len(names) < 2 or (~out).sum() <= with_x.shape[1]:

@@ -12,7 +12,8 @@ from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
 from segar.analysis.stats.association import holm
-from segar.analysis.stats.estimate import Estimate, mean_of_replicates
+from segar.analysis.stats.correlation import why_not
+from segar.analysis.stats.estimate import Estimate, difference, mean_of_replicates
 from segar.analysis.tables import Floats
 
 FEWEST_SEEDS = 5  # that a row needs for a place
@@ -33,8 +34,8 @@ def places(values: pd.DataFrame) -> dict[Any, tuple[int, int]]:
     """
     names = [name for name in values.columns if len(values[name].dropna()) >= FEWEST_SEEDS]
     pairs = list(combinations(names, 2))
-    apart = [(values[a] - values[b]).dropna() for a, b in pairs]
-    found = [mean_of_replicates(one.to_numpy(), 0.0, 2) for one in apart]
+    apart = [difference(values[a], values[b]) for a, b in pairs]
+    found = [mean_of_replicates(one[~np.isnan(one)], 0.0, 2) for one in apart]
     p = holm([one.p if one.n >= FEWEST_SEEDS else np.nan for one in found])
     above, below = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
     for (a, b), one, corrected in zip(pairs, found, p, strict=True):
@@ -82,10 +83,11 @@ class Generalizability:
 
 def generalizability(table: pd.DataFrame, value: str, method: str, suite: str, seed: str) -> Generalizability | None:
     """The variance components of a table with one line for each method, suite and seed, by the mean squares of its analysis of
-    variance; None where there are not two of each, or where some have no line."""
+    variance; None where there are not two of each, some have no line or no value, or all values are one."""
     counts = [len(set(table[one])) for one in (method, suite, seed)]
     methods, suites, seeds = counts
-    if min(counts) < 2 or len(table) != methods * suites * seeds:
+    has_all = len(table[[method, suite, seed]].drop_duplicates()) == len(table) == methods * suites * seeds
+    if min(counts) < 2 or not has_all or why_not(table[value].to_numpy(np.float64)):
         return None
     data = pd.DataFrame({"y": table[value], "m": table[method], "s": table[suite], "k": table[seed].astype(str)})
     squares = anova_lm(ols("y ~ C(m) * C(s) + C(s):C(k)", data).fit())
@@ -99,8 +101,9 @@ def generalizability(table: pd.DataFrame, value: str, method: str, suite: str, s
         "run": e,
     }
     freedom = squares["df"]["C(m)"], squares["df"]["C(m):C(s)"]
-    value_, low, high = (1 - ratio * ms / m for ratio in (1.0, *stats.f.ppf((0.975, 0.025), *freedom)))
-    coefficient = Estimate(max(value_, 0.0), max(float(low), 0.0), max(float(high), 0.0), methods)
+    ratios = (1.0, *stats.f.ppf((0.975, 0.025), *freedom))
+    value_, low, high = (max(1 - float(one) * (ms / m if m else np.inf), 0.0) for one in ratios)
+    coefficient = Estimate.between(value_, low, high, methods)
     return Generalizability(
         {name: max(one, 0.0) for name, one in components.items()}, coefficient, methods, suites, seeds
     )

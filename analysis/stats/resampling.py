@@ -51,9 +51,7 @@ def mean_of_units(
 ) -> Estimate:
     """The mean of independent units with Student's interval, which ends at ``least`` and ``most``, and the two-sided p of
     ``chance``; of fewer than three units, no interval."""
-    if not len(values):
-        return Estimate.missing(0, "no run has it")
-    if len(values) < FEWEST_UNITS:
+    if 0 < len(values) < FEWEST_UNITS:
         return no_interval(float(np.mean(values)), len(values), called)
     found = mean_of_replicates(values, chance, sides=2)
     return dataclasses.replace(found, low=max(found.low, least), high=min(found.high, most))
@@ -139,8 +137,8 @@ def permutation_of_blocks(
     require(table, x, y, *within, block, at)
     a, b = column(table, x), column(table, y)
     left, right = residuals(a, given), residuals(b, given)
-    if min(np.linalg.norm(left), np.linalg.norm(right)) < 1e-9 * max(np.linalg.norm(a), np.linalg.norm(b), 1e-300):
-        raise SegarError(f"{x} or {y} does not vary given the covariates: there is nothing to permute")
+    if not all(np.linalg.norm(rest) > 1e-9 * np.linalg.norm(whole) for rest, whole in ((left, a), (right, b))):
+        raise SegarError(f"{x} or {y} has missing values or does not vary given the covariates: nothing to permute")
     panels, blocks, places = (keys(table, names) for names in (within, (*within, block), (at,)))
     if len(set(zip(blocks, places, strict=True))) < len(table):
         raise SegarError(f"two rows of one panel have the same {block} and {at}, and only one of them can be dealt")

@@ -14,7 +14,7 @@ import pandas as pd
 from scipy import stats
 
 from segar.analysis.stats.association import keys, labels, require
-from segar.analysis.stats.estimate import Estimate
+from segar.analysis.stats.estimate import Estimate, difference
 from segar.analysis.stats.resampling import FEWEST_UNITS
 from segar.analysis.tables import Floats
 from segar.errors import SegarError, did_you_mean
@@ -148,8 +148,8 @@ def too_few(*scores: Scores) -> str:
 
 def wins(a: Scores, b: Scores) -> Scores:
     """Share of pairs of runs in which ``a`` is above ``b``, ties half; runs may be of different number."""
-    difference = np.sign(a[..., :, None, :] - b[..., None, :, :])
-    return ((difference + 1) / 2).mean(axis=(-3, -2, -1))
+    above = np.sign(difference(a[..., :, None, :], b[..., None, :, :]))
+    return ((above + 1) / 2).mean(axis=(-3, -2, -1))
 
 
 def matrices(table: pd.DataFrame, score: str, task: Sequence[str]) -> dict[str, Scores]:

@@ -129,5 +129,8 @@ def test_groups_that_overlap_or_name_nothing_and_a_design_with_a_hole_are_refuse
         mixed_levels(*sets, {"a": [Size], "b": ["Size"]}, {})
     with pytest.raises(LevelError, match="no factor or parameter 'Sise'"):
         mixed_levels(*sets, {"a": ["Sise"]}, {})
+    for names in (["a", "a"], ["a", "total"]):
+        with pytest.raises(SegarError, match="groups must have names of their own"):
+            full_factorial(names)
     with pytest.raises(SegarError, match="all 8 combinations"):
         shapley_of_pairs(played(additive, *sets)[1:], NAMES)

@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 
 from segar.analysis.probes.factors import ratio_over_groups
-from segar.analysis.stats.correlation import correlate
+from segar.analysis.stats.correlation import correlate, explained
 from segar.analysis.stats.estimate import Estimate, mean_of_replicates
+from segar.analysis.stats.prediction import left_out
+from segar.analysis.stats.ranking import places
 from segar.analysis.stats.resampling import cluster_jackknife, mean_of_units
 from segar.analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
 
@@ -38,7 +40,7 @@ FUNCTIONS = {
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-@pytest.mark.parametrize("sample", [[1.0], [1.0, 1.0], [0.1] * 3, [1.0] * 20, [0.0] * 7, [0.3, 0.3 + 1e-17, 0.3]])
+@pytest.mark.parametrize("sample", [[1.0], [1.0, 1.0], [0.1] * 3, [1.0] * 20, [0.0] * 7, [0.3, 0.1 + 0.2, 0.3]])
 def test_equal_values_have_neither_an_interval_nor_a_p(name, sample):
     found = FUNCTIONS[name](sample)
     assert np.isnan([found.low, found.high, found.p]).all() and found.note
@@ -92,6 +94,24 @@ def test_no_p_of_an_improvement_is_below_that_of_the_best_deal(a, b):
     extreme = [abs(sum(one) / a - sum(set(scores) - set(one)) / b) for one in itertools.combinations(scores, a)]
     attainable = np.mean(np.isclose(extreme, max(extreme)))
     assert found.p >= attainable - 1e-12 and np.isnan([found.low, found.high]).all()
+
+
+def test_what_differs_by_rounding_only_is_a_tie():
+    scores = {"a": [0.3] * 4 + [0.5], "b": [0.1 + 0.2] * 4 + [0.5]}
+    assert probability_of_improvement(runs(**scores), "score", "a", "b", rng(), task=["task"]).p == 1.0
+    assert set(places(pd.DataFrame(scores)).values()) == {(1, 2)}
+
+
+@pytest.mark.parametrize("hole", [np.nan, np.inf, 0.3])
+def test_no_share_is_explained_of_what_does_not_vary_and_none_with_missing_values(hole):
+    x, y = np.arange(9.0), np.where(np.arange(9) % 2, 0.3, 0.1 + 0.2)
+    x[4] = hole
+    y = y if hole == 0.3 else np.arange(9.0)
+    table = pd.DataFrame({"x": x, "y": y, "group": np.arange(9) // 3})
+    assert np.isnan(explained(y, x[:, None])) and np.isnan(
+        left_out(table, "y", {"x": ["x"]}, ["group"])["r2_left_out"][0]
+    )
+    assert mean_of_replicates([1.0, 2.0, np.nan]).note == "some values are missing or not finite"
 
 
 def test_samples_that_vary_keep_their_intervals():

@@ -62,10 +62,12 @@ def test_its_size_is_five_percent_with_panels_and_seeds():
         ("w3", {}, 45, "no column 'w3'"),
         ("w2", {"log": ["n"]}, 45, "'n' is not among x"),
         ("one", {}, 45, "does not vary"),
+        ("rounded", {}, 45, "does not vary"),
+        ("w2", {"random": ["one", "one"]}, 45, "the model is singular: an effect has one group"),
         ("w2", {}, 0, "0 runs are too few"),
         ("w2", {}, 3, "3 runs are too few"),
     ],
 )
 def test_what_cannot_be_fitted_is_named(x, options, runs, message):
     with pytest.raises(SegarError, match=message):
-        mixed_model(grid(rng(0)).assign(one=1.0).head(runs), "gap", [x], **options)
+        mixed_model(grid(rng(0)).assign(one=1.0, rounded=[0.3] * 44 + [0.1 + 0.2]).head(runs), "gap", [x], **options)

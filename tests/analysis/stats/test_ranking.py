@@ -33,6 +33,14 @@ def test_planted_variance_components_are_found_and_the_interval_holds_the_coeffi
     assert np.mean([one.coefficient.low <= true <= one.coefficient.high for one in found]) > 0.8
 
 
+def test_tables_with_holes_or_without_differences_have_no_components_and_equal_runs_no_interval():
+    table = planted(np.random.default_rng(0))
+    for one in (pd.concat([table[1:], table[-1:]]), table.assign(y=[np.nan, *table["y"][1:]]), table.assign(y=0.3)):
+        assert generalizability(one, "y", "m", "s", "k") is None
+    found = generalizability(table.assign(y=table["m"]), "y", "m", "s", "k")
+    assert found is not None and found.coefficient.estimate == 1.0 and np.isnan(found.coefficient.low)
+
+
 def test_methods_that_are_alike_have_no_winner_and_methods_far_apart_need_few_suites():
     rng = np.random.default_rng(1)
     alike = generalizability(planted(rng, method=0.0), "y", "m", "s", "k")

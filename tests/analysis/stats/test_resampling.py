@@ -111,6 +111,9 @@ def test_nothing_to_permute_says_so():
     table["w2"] = table["family"].map({"empty": 1.0, "objectsx1": 2.0, "tilesx1": 3.0})
     with pytest.raises(SegarError, match="does not vary given the covariates"):
         permutation_of_blocks(table, "w2", "gap", given_panel(table), rng())
+    table["w2"] = [np.nan, *rng().random(len(table) - 1)]
+    with pytest.raises(SegarError, match="has missing values"):
+        permutation_of_blocks(table, "w2", "gap", given_panel(table), rng())
     one = grid(rng(0), seeds=1)
     with pytest.raises(SegarError, match="one block"):
         permutation_of_blocks(one, "w2", "gap", given_panel(one), rng())
