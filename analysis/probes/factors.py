@@ -89,7 +89,7 @@ def why_not(z: Floats, group: Ints) -> str:
     """Why this factor cannot be probed; empty where it can."""
     if len(np.unique(group)) < 2 * FOLDS:
         return f"it is there in {len(np.unique(group))} episodes; {2 * FOLDS} are needed"
-    return "it does not vary in these frames" if np.ptp(z) == 0 else ""
+    return "it does not vary in these frames" if np.ptp(z) <= 1e-12 * np.abs(z).max() else ""
 
 
 def number_estimates(
@@ -167,4 +167,4 @@ def ratio_over_groups(
 
 def jittered(x: Floats, rng: np.random.Generator) -> Floats:
     """``x`` with the last digits blurred, so that equal predictions are no ties."""
-    return x + 1e-9 * max(float(np.ptp(x)), 1e-12) * rng.standard_normal(len(x))
+    return x + 1e-9 * (float(np.ptp(x)) or 1e-12) * rng.standard_normal(len(x))

@@ -130,9 +130,9 @@ def standardised(factors: Floats, columns: Sequence[Column] | None = None) -> ND
             parts.append(there.astype(float))
         if columns is not None and columns[k].is_category:
             parts.extend((x == value).astype(float) for value in np.unique(x[there]))
-        else:
+        elif x[there].std() > 1e-12 * np.abs(x[there]).max():  # what rounding leaves of a constant is no variation
             parts.append(np.where(there, x - x[there].mean(), 0.0))
-    varied = [part for part in parts if part.std() > 1e-9]  # what rounding leaves of a constant is no variation
+    varied = [part for part in parts if part.std() > 0]
     if not varied:
         raise LevelError("no factor varies in these frames: there is nothing to be known about them")
     return np.stack([(part - part.mean()) / part.std() for part in varied], axis=1).astype(np.float32)

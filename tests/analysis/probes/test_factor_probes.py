@@ -163,6 +163,7 @@ def test_missing_numbers_become_a_column_that_says_so():
     found = standardised(z)
     assert found.shape == (4, 2)  # is it there, and how much; the constant is left out
     assert found[[1, 3], 1] == pytest.approx([0, 0])
+    np.testing.assert_allclose(standardised(z * 1e-15), found)  # whatever its unit
 
 
 def test_errors_name_the_culprit(pairs):
