@@ -3,8 +3,8 @@
 Nothing is imported or recorded. A file counts where the text of a source says so, and therefore for every process alike:
 
 - by an import, at the top of a module or within a function;
-- by its name, ``HERE / "width.json"``, or a part of it, ``f"{kind}.json"``: looked for in the folder of the module, in those
-  above it up to the one that it is imported from, in folders that the source names, and in the working one;
+- by its name, ``HERE / "width.json"``, or a part of it, ``f"{kind}.json"``: looked for in all folders of its package, in
+  those above the module up to the one that it is imported from, in the working one, and in folders there that a source names;
 - because a source of its package, or of its folder where there is no package, loads modules by names that are computed, as
   :func:`importlib.import_module` does, or lists folders. Then all sources of the package count, or all its files.
 
@@ -12,27 +12,29 @@ Hidden files, and those in hidden folders, do not count.
 """
 
 import ast
+import fnmatch
 import hashlib
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 from weakref import WeakKeyDictionary
 
 from segar.experiments.runs.own_modules import OUR_FOLDERS, OURS, find_file, imported_by, is_installed, source_reached
+from segar.experiments.runs.run_folder import CONFIG, VERSIONS
 from segar.experiments.runs.source_text import nodes_of, normalised
 from segar.experiments.settings import ConfigError, imported_from
 
 LOADING = {
     "import_module", "__import__", "exec", "exec_module", "run_module", "run_path", "spec_from_file_location",
-    "iter_modules", "walk_packages",
+    "iter_modules", "walk_packages", "resolve_name", "locate", "SourceFileLoader",
 }  # fmt: skip
-LISTING = {"glob", "iglob", "iterdir", "listdir", "rglob", "scandir", "walk"}
-BLANK = re.compile(r"\{[^{}]*\}|%[sdi]")  # what str.format and % fill in
+LISTING = {"fwalk", "glob", "iglob", "iterdir", "listdir", "rglob", "scandir", "walk"}
+BLANK = re.compile(r"\{[^{}]*\}|%[-+ #0-9.]*[a-z]")  # what str.format and % fill in
 FILE_NAME = re.compile(r"(?!.*\*\*)[^\n\0]{0,200}\.\w+")
-FOLDER_NAME = re.compile(r"[\w-][\w .-]*(/[\w-][\w .-]*)*")
+RUN_FILES = {CONFIG, VERSIONS}  # of a folder of results, which are not what they were made by
 NO_DATA = (".pyc", ".so", ".nbi", ".nbc", ".lock")  # compiled code, kernels, locks
 SYSTEM = tuple(map(Path, ("/dev", "/etc", "/proc", "/run", "/sys", "/usr", "/var")))
 
@@ -100,74 +102,97 @@ def _files_of(module: str, texts: Collection[str]) -> dict[str, tuple[Path, Path
     """Name of each file to the file, and to the source that names it, which is itself for a module."""
     found: dict[str, tuple[Path, Path]] = {}
     done: set[str] = set()
-    whole: set[tuple[Path, str]] = set()  # packages whose files count, and which of them
+    sources: dict[Path, Path] = {}  # to the folders that they are imported from
     waiting = [module]
-    while waiting:
+    while waiting := [name for name in waiting if name not in done]:
         name = waiting.pop()
-        source = (
-            None if name in done or name.partition(".")[0] == OURS else source_reached(name, module.partition(".")[0])
-        )
+        source = None if name.partition(".")[0] == OURS else source_reached(name, module.partition(".")[0])
         done.add(name)
-        if source is None:
-            continue
-        path = source.resolve()
-        root = path.parents[name.count(".") + (path.name == "__init__.py")]
-        found[_name(path, root)] = path, path
-        waiting += imported_by(name, path)
-        waiting += [name[: dot.start()] for dot in re.finditer(r"\.", name)]  # Python executes these packages, too
-        for file in _own(_named_by(path, root, texts, whole), root):
+        if source is not None:
+            path = source.resolve()
+            sources[path] = root = path.parents[name.count(".") + (path.name == "__init__.py")]
+            found[_name(path, root)] = path, path
+            waiting += imported_by(name, path)
+            waiting += [name[: dot.start()] for dot in re.finditer(r"\.", name)]  # Python executes these packages, too
+        for file, source in _named_by(sources, texts) if done.issuperset(waiting) else ():
+            root = sources[source]
             if file.suffix == ".py" and file.is_relative_to(root):
                 waiting.append(".".join(file.relative_to(root).with_suffix("").parts).removesuffix(".__init__"))
-            found.setdefault(_name(file, root), (file, path))
+            found.setdefault(_name(file, root), (file, source))
     return found
 
 
-def _named_by(source: Path, root: Path, texts: Iterable[str], whole: set[tuple[Path, str]]) -> Iterator[Path]:
-    """The paths that the text of a source names, as this module says, but for the packages in ``whole``."""
-    nodes, here = nodes_of(source), source.parent
-    calls = {getattr(node, "attr", getattr(node, "id", "")) for node in nodes}
-    package = here if here == root else root / here.relative_to(root).parts[0]
-    pattern = "*" if calls & LISTING else "*.py"
-    if calls & (LOADING | LISTING) and (package, pattern) not in whole:
-        whole.add((package, pattern))
-        yield from package.glob(pattern) if here == root else package.rglob(pattern)
-    named = [*dict.fromkeys([*_texts(nodes), *texts])]
-    folders = [here, *(folder for folder in here.parents if folder.is_relative_to(root))]
-    folders += [folder / text for folder in folders for text in named if _names_folder(folder, text)]
-    for text in filter(FILE_NAME.fullmatch, named):
-        name = f"*{text}" if text.startswith(".") and "/" not in text else text
-        if "*" in name:
-            yield from (file for folder in folders for file in folder.glob(name.lstrip("/")))
-        else:
-            yield from (
-                folder / (Path(name).expanduser() if name.startswith("~/") else name)
-                for folder in (*folders, Path.cwd())
-            )
+def _named_by(sources: Mapping[Path, Path], texts: Iterable[str]) -> Iterator[tuple[Path, Path]]:
+    """The own files that the texts of the sources name, as this module says, each with a source that names it."""
+    nodes = {source: nodes_of(source) for source in sources}
+    said = {source: {*texts, *_texts(of_one)} for source, of_one in nodes.items()}
+    parts = {source: {part for text in of_one for part in text.split("/")} for source, of_one in said.items()}
+    like = {source: _pattern_of(of_one) for source, of_one in parts.items()}
+    packages = {root / source.relative_to(root).parts[0] for source, root in sources.items() if source.parent != root}
+
+    def naming(part: str) -> Path | None:
+        return next((source for source in sources if part in parts[source] or like[source].match(part)), None)
+
+    found: list[tuple[Path, Path]] = []
+    seen: set[str] = set()
+    for source, root in sources.items():
+        above = [folder for folder in source.parents if folder.is_relative_to(root)]
+        folders = [*above, Path.cwd(), *(Path(text) for text in said[source] if text[:1] == "/" != text)]
+        for folder in folders:
+            found += _below(folder, naming, packages, seen)
+        of_slash = [text for text in said[source] if "/" in text and FILE_NAME.fullmatch(text)]
+        found += [(file, source) for folder in folders for text in of_slash for file in _at(folder, text)]
+        calls = {getattr(node, "attr", getattr(node, "id", "")) for node in nodes[source]}
+        whole = above[-2:][0], f"{'**/' if above[1:] else ''}*{'' if calls & LISTING else '.py'}"
+        if calls & (LOADING | LISTING) and str(whole) not in seen:
+            seen.add(str(whole))
+            found += [(file, source) for file in whole[0].glob(whole[1])]
+    for file, source in found:
+        if os.path.isfile(file) and not file.name.endswith(NO_DATA):
+            path = Path(os.path.realpath(file))
+            yield from [(path, source)] if _is_own(path, sources[source]) else []
+
+
+def _pattern_of(parts: Iterable[str]) -> re.Pattern[str]:
+    """What the names of files look like of which the texts of a source leave blanks."""
+    names = [f"*{part}" if part.startswith(".") else part for part in parts if FILE_NAME.fullmatch(part)]
+    return re.compile("|".join(fnmatch.translate(name) for name in names if "*" in name) or "(?!)")
+
+
+def _below(
+    folder: Path, naming: Callable[[str], Path | None], packages: Collection[Path], seen: set[str]
+) -> Iterator[tuple[Path, Path]]:
+    """Files below a folder that a source names, with the source: in folders that are named, too, or in a package."""
+    for place, inner, files in os.walk(folder, followlinks=True) if os.path.isdir(folder) else ():
+        is_inside = any(Path(place).is_relative_to(one) for one in packages)
+        if (real := os.path.realpath(place)) in seen or RUN_FILES.issubset(files):
+            inner.clear()
+            continue
+        seen.add(real)
+        inner[:] = [one for one in inner if one[0] != "." and (is_inside or naming(one))]
+        yield from ((Path(place, one), source) for one in files if (source := naming(one)))
+
+
+def _at(folder: Path, text: str) -> Iterable[Path]:
+    """The files that a text with a slash means, seen from a folder."""
+    return folder.glob(text.lstrip("/")) if "*" in text else [folder / os.path.expanduser(text)]
 
 
 def _texts(nodes: Iterable[ast.AST]) -> Iterator[str]:
     """The texts of a source, with ``*`` for what is filled in."""
     for node in nodes:
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield BLANK.sub("*", node.value)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str | bytes):
+            yield BLANK.sub("*", os.fsdecode(node.value))
         elif isinstance(node, ast.JoinedStr):
             yield "".join(str(part.value) if isinstance(part, ast.Constant) else "*" for part in node.values)
 
 
-def _names_folder(folder: Path, text: str) -> bool:
-    return FOLDER_NAME.fullmatch(text) is not None and os.path.isdir(folder / text)
-
-
-def _own(paths: Iterable[Path], root: Path) -> Iterator[Path]:
-    """Those of the paths that are files of the user's: none of ours, of an installed package, or of the system's."""
-    for path in (
-        Path(os.path.realpath(one)) for one in paths if os.path.isfile(one) and not one.name.endswith(NO_DATA)
-    ):
-        name = Path(_name(path, root))
-        is_hidden = any(part.startswith(".") for part in name.parts)
-        is_library = any(path.is_relative_to(one) for one in OUR_FOLDERS) or is_installed(path)
-        if not is_hidden and not is_library and not any(name.is_relative_to(one) for one in SYSTEM):
-            yield path
+def _is_own(path: Path, root: Path) -> bool:
+    """Whether a file is the user's: none of ours, of an installed package, or of the system's."""
+    name = Path(_name(path, root))
+    is_hidden = any(part.startswith(".") for part in name.parts)
+    is_library = any(path.is_relative_to(one) for one in OUR_FOLDERS) or is_installed(path)
+    return not is_hidden and not is_library and not any(name.is_relative_to(one) for one in SYSTEM)
 
 
 def _name(path: Path, root: Path) -> str:

@@ -53,6 +53,14 @@ COUNTS = {
     "line through linecache": ("X = linecache.getline(str(HERE / 'width.json'), 1)", "lab/width.json"),
     "data in the working directory": ("def late():\n    return open('near.json').read()", "../work/near.json"),
     "data in a place of its own": ("def late():\n    return open('{else}/far.json').read()", "../else/far.json"),
+    "data without a suffix": ("X = (HERE / 'table').read_text()", "lab/table"),
+    "data in a folder of a folder": ("X = HERE / 'data' / 'raw' / 'old.csv'", "lab/data/raw/old.csv"),
+    "data in a folder of another module": ("from lab.late import DATA\nX = DATA / 'far.json'", "lab/data/far.json"),
+    "data of an imported package": (
+        "from importlib.resources import files\nX = files('lab.data') / 'far.json'",
+        "lab/data/far.json",
+    ),
+    "data of a number with zeros": ("def late(k):\n    return HERE / ('wi%03dth.json' % k)", "lab/width.json"),
     "no Python with the suffix of Python": ("TEXT = (HERE / 'template.py').read_text()", "lab/template.py"),
 }
 NAMES = {  # of files that are not in the package
@@ -63,6 +71,7 @@ COUNTS_NOT = {
     "module that nobody imports": ("", "lab/late.py"),
     "data that nobody reads": ("X = 1", "lab/width.json"),
     "hidden data": ("X = HERE / '.cache.json'", "lab/.cache.json"),
+    "results in the package": ("X = HERE / 'lab' / 'played.json'", "lab/run/played.json"),
     "installed module": ("import pytest", "lab/width.json"),
     "file of the system": ("X = open('/proc/self/status').read()", "lab/width.json"),
 }  # fmt: skip
@@ -72,15 +81,22 @@ COUNTS_NOT = {
 def lab(tmp_path_factory, monkeypatch):
     """A folder with the package ``lab``, some data, and a module beside it."""
     folder = tmp_path_factory.mktemp("place") / "src"
-    for name in ("lab/data", "../work", "../else"):
+    for name in ("lab/data/raw", "lab/run", "../work", "../else"):
         (folder / name).mkdir(parents=True)
     (folder / "lab" / "__init__.py").touch()
-    (folder / "lab" / "late.py").write_text(f"{HERE}from lab.deep import DEPTH\nWIDTH = 1\nread = HERE.joinpath\n")
+    (folder / "lab" / "late.py").write_text(
+        f"{HERE}from lab.deep import DEPTH\nWIDTH = 1\nread = HERE.joinpath\nDATA = HERE / 'data'\n"
+    )
     (folder / "lab" / "deep.py").write_text(f"{HERE}DEPTH = json.loads((HERE / 'deep.json').read_text())\n")
     (folder / "beside.py").write_text("GAIN = 1\n")
     (folder / "lab" / "template.py").write_text("{{ no python }}")
     data = ("lab/width.json", "lab/deep.json", "lab/data/far.json", "top.json", "../work/near.json", "../else/far.json")
-    for name in (*data, "lab/.cache.json", "lab/x.npy"):
+    more = (
+        "lab/table",
+        "lab/data/raw/old.csv",
+        *(f"lab/run/{n}" for n in ("config.yaml", "versions.json", "played.json")),
+    )
+    for name in (*data, *more, "lab/.cache.json", "lab/x.npy"):
         (folder / name).write_text("1")
     segar.family("empty-easy").sample(2).save(folder / "lab" / "kept.npz")
     monkeypatch.syspath_prepend(folder)
