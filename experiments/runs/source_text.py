@@ -28,7 +28,8 @@ def normalised(content: bytes) -> bytes:
     tree = _syntax_tree(content)
     if tree is None:
         return content
-    tree.body.sort(key=_import_order)
+    if not _order_counts(tree.body):
+        tree.body.sort(key=_import_order)
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):
@@ -52,6 +53,16 @@ def _syntax_tree(content: bytes) -> ast.Module | None:
         return ast.parse(content)
     except (SyntaxError, ValueError, RecursionError):  # ValueError: zero bytes
         return None
+
+
+def _order_counts(body: list[ast.stmt]) -> bool:
+    """Whether an import gives a name that another import, or an assignment, gives too, so that the later one holds."""
+    aliases = [(one, alias) for one in body if isinstance(one, ast.Import | ast.ImportFrom) for alias in one.names]
+    # Of 'import a.b' the name is a, which is the same in all of them.
+    named = [alias.asname or alias.name for one, alias in aliases if alias.asname or isinstance(one, ast.ImportFrom)]
+    beside = (node for one in body if not isinstance(one, ast.FunctionDef | ast.ClassDef) for node in ast.walk(one))
+    stored = {node.id for node in beside if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    return len({*named}) < len(named) or not stored.isdisjoint(named)
 
 
 def _import_order(statement: ast.stmt) -> str:

@@ -134,6 +134,19 @@ def test_the_order_of_imports_is_no_code_and_their_names_are(package):
     assert fingerprint("my_lab.mine") != before
 
 
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("from .sums import add", "from .parts import add"),
+        ("from .sums import *", "from .parts import *"),
+        ("add = 1", "from .sums import add"),
+    ],
+)
+def test_the_order_counts_of_imports_that_give_one_name(lines):
+    forth, back = (normalised("\n".join(["import os", *some]).encode()) for some in (lines, lines[::-1]))
+    assert forth != back
+
+
 def test_a_source_is_the_same_code_on_every_version_of_python():
     source = b"import b, a\n\nclass A(list):\n    def f(self, *args: int) -> None:\n        print(A(), [], end='')\n"
     assert hashlib.sha256(normalised(source)).hexdigest()[:16] == "132f90aa4bd51624"
