@@ -160,7 +160,7 @@ from .values import (
     tanh as tanh,
     where as where,
 )
-from .world import ARENA as ARENA, WorldRules as WorldRules
+from .world import ARENA as ARENA, WorldRules as WorldRules, rules_of as rules_of
 
 __all__ = [
     "Acceleration", "Action", "Aggregate", "Ball", "Best", "Bumper", "Charge", "Charger", "Circle", "Count", "Damper",

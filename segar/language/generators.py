@@ -145,7 +145,11 @@ def _named_by(function: FunctionType) -> list[Any]:
         except ValueError:  # not filled yet
             continue
     found += [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
-    return [one for one in found if not isinstance(one, FunctionType) or _package(one) not in OTHERS]
+    return [
+        one
+        for one in found
+        if not isinstance(one, FunctionType) or (one.__module__ or "").partition(".")[0] not in OTHERS
+    ]
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:
@@ -153,7 +157,3 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
     for one in code.co_consts:
         if isinstance(one, CodeType):
             yield from _codes(one)
-
-
-def _package(function: FunctionType) -> str:
-    return (function.__module__ or "").partition(".")[0]

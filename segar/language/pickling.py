@@ -8,7 +8,7 @@ import dataclasses
 import functools
 import pickle
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from inspect import isfunction
 from types import FunctionType
 from typing import Any
@@ -19,15 +19,26 @@ from segar.support import named_object
 
 
 class ByName:
-    """Pickles an object by its name where its module has it by that name, else by its fields with :func:`packed` functions."""
+    """A dataclass with a function, by which it is called and named.
+
+    Pickles hold it by its name where its module has it by that name, else by its fields with :func:`packed` functions.
+    """
+
+    function: Callable[..., Any]
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.function(*arguments)
+
+    @property
+    def name(self) -> str:
+        return self.function.__name__
 
     def __reduce__(self) -> tuple[Any, ...]:
-        function: Any = self.function  # type: ignore[attr-defined]
-        if _of_name(function) is self:
-            return named_object, (_name(function),)
+        if _of_name(self.function) is self:
+            return named_object, (f"{self.function.__module__}:{self.function.__qualname__}",)
         assert dataclasses.is_dataclass(self)
         fields = {field.name: packed(getattr(self, field.name)) for field in dataclasses.fields(self)}
-        return _made, (type(self), fields)
+        return _made, (type(self), (), fields)
 
 
 def packed(value: Any) -> Any:
@@ -41,7 +52,7 @@ def packed(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: packed(part) for key, part in value.items()}
     if isinstance(value, functools.partial):
-        return _Reduced(_partial, (packed(value.func), packed(value.args), packed(value.keywords)))
+        return _Reduced(_made, (functools.partial, packed((value.func, *value.args)), packed(value.keywords)))
     if not isfunction(value):
         return value
     found = _of_name(value)
@@ -63,16 +74,8 @@ class _Reduced:
         return self.function, self.arguments
 
 
-def _partial(function: Any, arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
-    return functools.partial(function, *arguments, **keywords)
-
-
-def _made(kind: type, fields: Mapping[str, Any]) -> Any:
-    return kind(**fields)
-
-
-def _name(function: Any) -> str:
-    return f"{function.__module__}:{function.__qualname__}"
+def _made(kind: type, arguments: tuple[Any, ...], fields: Mapping[str, Any]) -> Any:
+    return kind(*arguments, **fields)
 
 
 def _of_name(function: Any) -> Any:

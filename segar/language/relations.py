@@ -50,13 +50,6 @@ class Relation(ByName):
         other = as_relation(other)
         return _combine("or", self, other, max(self.specificity, other.specificity))
 
-    def __call__(self, *arguments: Any) -> Any:
-        return self.function(*arguments)
-
-    @property
-    def name(self) -> str:
-        return self.function.__name__
-
 
 def relation(function: Callable[..., bool]) -> Relation:
     """The relation of a typed function that returns a truth value; raises :class:`RuleError`."""

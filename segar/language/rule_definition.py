@@ -12,7 +12,16 @@ from segar.language.parameters import Parameter
 from segar.language.pickling import ByName
 from segar.language.relations import Relation, as_relation
 from segar.language.signature import Pattern, Signature, code_place, read_signature, symbolic_arguments
-from segar.language.tracing import Tree, effects_leaf, effects_of, number_leaf, symbols_of, trace, truth_leaf
+from segar.language.tracing import (
+    Tree,
+    effects_leaf,
+    effects_of,
+    is_same,
+    number_leaf,
+    symbols_of,
+    trace,
+    truth_leaf,
+)
 
 SPECIFICITY_THING = 4  # an argument's entity class makes a rule this specific (2022: rules)
 SPECIFICITY_OBJECT = 5
@@ -37,13 +46,6 @@ class Rule(ByName):
     priority: int
     recheck: bool
     active: type[Parameter] | None = None
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self.function(*arguments)
-
-    @property
-    def name(self) -> str:
-        return self.function.__name__
 
     @property
     def where(self) -> str:
@@ -86,6 +88,18 @@ class Rule(ByName):
             factors[effect.argument].setdefault(effect.factor)
         types = [p.entity_type for p in self.signature.entities]
         return tuple(Pattern(tuple(f), t) for f, t in zip(factors, types, strict=True))
+
+    def require_current(self) -> None:
+        """Raise :class:`RuleError` if the function computes something else now, as what it reads has changed.
+
+        Those of SEGAR read nothing that changes.
+        """
+        is_ours = str(self.function.__module__).startswith("segar.")
+        if not is_ours and not is_same(self.tree, _tree_of(self.function, self.signature)):
+            raise RuleError(
+                f"{self.where}: computes something else than when the rule was made. A variable that it reads, of its module or"
+                " of a loop around it, has changed. Make the rule anew, or in a function that takes the value"
+            )
 
     def __repr__(self) -> str:
         return f"<rule {self.where}>"
@@ -142,12 +156,16 @@ def _make_rule(function: Callable[..., Any], relation: Any, priority: int | None
             f"{code_place(function)}: relation {condition.name} needs {len(condition.signature.entities)} entities,"
             f" the rule has {len(signature.entities)}"
         )
-    finish = partial(effects_leaf, signature.effects)
-    tree = trace(function, symbolic_arguments(signature), finish, code_place(function))
+    tree = _tree_of(function, signature)
     if priority is None:
         of_types = (specificity_of(pattern.entity_type) for pattern in signature.entities)
         priority = max([condition.specificity if condition else 0, *of_types])
     return Rule(function, signature, tree, condition, priority, recheck)
+
+
+def _tree_of(function: Callable[..., Any], signature: Signature) -> Tree:
+    finish = partial(effects_leaf, signature.effects)
+    return trace(function, symbolic_arguments(signature), finish, code_place(function))
 
 
 def specificity_of(kind: type[Entity] | None) -> int:

@@ -16,7 +16,7 @@ from hashlib import sha256
 from typing import Any, ClassVar
 
 from segar.errors import RuleError
-from segar.language.values import Number, ScalarArithmetic, Source, VectorValue, float_function
+from segar.language.values import Number, ScalarArithmetic, Source, VectorValue, binary, float_function
 
 LONGEST_TEXT = 10_000  # characters of an expression that are shown; a longer part is shown by its hash
 
@@ -118,7 +118,7 @@ class Symbol(ScalarArithmetic, Traced, stands_for=(float, bool, int)):
     def __bool__(self) -> bool:
         if self.op == "const":
             return bool(self.args[0])
-        condition = self if self.is_truth else self != 0.0
+        condition = as_truth(self)
         decide = _decide.get()
         if decide is None:
             raise refusal("a symbolic condition was tested outside a rule")
@@ -128,26 +128,11 @@ class Symbol(ScalarArithmetic, Traced, stands_for=(float, bool, int)):
         return self
 
     def select(self, yes: Any, no: Any) -> Symbol:
-        condition = self if self.is_truth else self != 0.0
-        return make("select", condition, as_symbol(yes), as_symbol(no))
+        return make("select", as_truth(self), as_symbol(yes), as_symbol(no))
 
-    def __lt__(self, other: Any) -> Any:
-        return self._apply("lt", self, other)
-
-    def __le__(self, other: Any) -> Any:
-        return self._apply("le", self, other)
-
-    def __gt__(self, other: Any) -> Any:
-        return self._apply("lt", other, self)
-
-    def __ge__(self, other: Any) -> Any:
-        return self._apply("le", other, self)
-
-    def __eq__(self, other: object) -> Any:
-        return self._apply("eq", self, other)
-
-    def __ne__(self, other: object) -> Any:
-        return self._apply("ne", self, other)
+    __lt__, __gt__ = binary("lt"), binary("lt", swapped=True)
+    __le__, __ge__ = binary("le"), binary("le", swapped=True)
+    __eq__, __ne__ = binary("eq"), binary("ne")
 
     def __and__(self, other: Any) -> Any:
         return make("and", *_truths(self, other))
@@ -175,12 +160,6 @@ class Symbol(ScalarArithmetic, Traced, stands_for=(float, bool, int)):
         return self.refuse("float(), int(), math.* and numpy")
 
     __int__ = __index__ = __complex__ = __float__  # type: ignore[assignment]
-
-    def __iter__(self) -> Any:
-        raise refusal("a rule cannot loop over a factor; write a rule on several entities instead")
-
-    def __len__(self) -> int:
-        raise refusal("a scalar factor has no length")
 
     def __array__(self, *_: Any, **__: Any) -> Any:
         raise refusal(NO_NUMPY)

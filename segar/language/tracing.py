@@ -93,6 +93,11 @@ def parts_of(tree: Tree) -> Iterator[Any]:
             yield from (effect.kind, effect.argument, effect.factor, *effect.components)
 
 
+def is_same(tree: Tree, other: Tree) -> bool:
+    """Whether two trees are equal."""
+    return [*map(id, parts_of(tree))] == [*map(id, parts_of(other))]  # equal expressions are one object
+
+
 def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[Any], Leaf], where: str) -> Tree:
     """The decision tree of ``function(*arguments)``.
 
@@ -118,8 +123,7 @@ def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[
                 " compiles it and never again, so one draw would stay for all time. A rule draws with segar.random.uniform,"
                 " normal or bernoulli; a number that is drawn once belongs outside the function"
             )
-        again = _explore_all(function, arguments, finish, where)
-        if [*map(id, parts_of(tree))] != [*map(id, parts_of(again))]:  # equal expressions are one object
+        if not is_same(tree, _explore_all(function, arguments, finish, where)):
             raise RuleError(
                 f"{where}: computes something else when it is called again. It may read a clock, count its calls or draw random"
                 " numbers. SEGAR calls the function when it compiles it and never again, so what it read would stay for all"
@@ -183,6 +187,7 @@ def _run(
         message = str(error)
         if not isinstance(error, RuleError):
             message = NO_NUMPY if "__array_ufunc__" in message else f"{type(error).__name__}: {message}"
+            message = message.replace("'Symbol' object", "a factor's value")
         calls = traceback.extract_tb(error.__traceback__)
         raise RuleError(f"{where}{_author_line(function, calls)}: {message}") from error
     error, calls = refused[0]  # which some code caught

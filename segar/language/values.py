@@ -25,6 +25,13 @@ class Source:
     factor: type
 
 
+def binary(operation: str, swapped: bool = False) -> Callable[[Any, Any], Any]:
+    """The method of an operator with two operands, of which the object is the second one if they are ``swapped``."""
+    if swapped:
+        return lambda self, other: self._apply(operation, other, self)
+    return lambda self, other: self._apply(operation, self, other)
+
+
 class Arithmetic:
     """Python's operators of numbers, vectors and symbols."""
 
@@ -34,29 +41,10 @@ class Arithmetic:
         """The result of an operation; NotImplemented where another operand has to know."""
         raise NotImplementedError
 
-    def __add__(self, other: Any) -> Any:
-        return self._apply("add", self, other)
-
-    def __radd__(self, other: Any) -> Any:
-        return self._apply("add", other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return self._apply("sub", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self._apply("sub", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return self._apply("mul", self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return self._apply("mul", other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return self._apply("div", self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return self._apply("div", other, self)
+    __add__, __radd__ = binary("add"), binary("add", swapped=True)
+    __sub__, __rsub__ = binary("sub"), binary("sub", swapped=True)
+    __mul__, __rmul__ = binary("mul"), binary("mul", swapped=True)
+    __truediv__, __rtruediv__ = binary("div"), binary("div", swapped=True)
 
     def __neg__(self) -> Any:
         return self._apply("neg", self)
@@ -73,11 +61,11 @@ class ScalarArithmetic(Arithmetic):
     __slots__ = ()
     norm = Arithmetic.__abs__
 
-    def __pow__(self, exponent: Any, modulo: Any = None) -> Any:
+    def __pow__(self, exponent: Any) -> Any:
         power = literal_power(self, exponent)
         return self._apply("pow", self, exponent) if power is None else power
 
-    def __rpow__(self, base: Any, modulo: Any = None) -> Any:
+    def __rpow__(self, base: Any) -> Any:
         return self._apply("pow", base, self)
 
     def _call(self, function: str, *others: Any) -> Any:
@@ -295,7 +283,7 @@ def _sqrt(x: float) -> float:
 
 
 def _sign(x: float) -> float:
-    return math.nan if math.isnan(x) else (x > 0) - (x < 0)
+    return (x > 0) - (x < 0) or x  # of zeros the sign stays, and nan
 
 
 def _divide(a: float, b: float) -> float:

@@ -25,3 +25,9 @@ class WorldRules(Protocol):
     @property
     def walls(self) -> float: ...
     def may_meet(self, one: Rule, other: Rule, /) -> bool: ...
+
+
+def rules_of(world: WorldRules) -> tuple[Rule, ...]:
+    """All rules of a world, in the order that keys their draws: its rules, the limit, those of contacts."""
+    single = (world.limit, world.wall_contact, world.pair_contact)
+    return (*world.rules, *(rule for rule in single if rule is not None), *world.on_contact)

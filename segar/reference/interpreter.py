@@ -40,11 +40,18 @@ class Interpreter:
         world: rules.
         layout: slots and columns of the level distribution.
         task: action, reward and termination; PuttPutt where it is None.
+
+    Raises:
+        RuleError: what a rule reads changed since it was made.
     """
 
     world: language.WorldRules
     layout: language.Layout
     task: language.Task = field(default_factory=language.default_task)
+
+    def __post_init__(self) -> None:
+        for rule in language.rules_of(self.world):
+            rule.require_current()
 
     @cached_property
     def functions(self) -> language.TaskFunctions:
@@ -241,10 +248,7 @@ class _Run:
 
     def _site(self, rule: language.Rule) -> int:
         """Place of a rule in the order that keys its draws: the world's rules, the limit, contacts, then the task's."""
-        world, task = self.world, self.functions
-        order = [*world.rules, world.limit, world.wall_contact, world.pair_contact, *world.on_contact]
-        order += [*task.act, *task.of_state]
-        return [r for r in order if r is not None].index(rule)
+        return [*language.rules_of(self.world), *self.functions.act, *self.functions.of_state].index(rule)
 
     def _record(self, stage: str, rule: language.Rule, slots: Slots, effects: Sequence[language.Effect]) -> None:
         if self.explain and effects:

@@ -90,9 +90,12 @@ def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunc
     """The kernel of a world on a layout; what was asked before is not written again.
 
     Raises:
-        RuleError: a rule or the task needs a parameter, an entity or a factor that the layout cannot serve.
+        RuleError: a rule or the task needs a parameter, an entity or a factor that the layout cannot serve; what a rule reads
+            changed since it was made.
         ConflictError: two rules always contradict each other.
     """
+    for rule in language.rules_of(world):
+        rule.require_current()
     functions = (task.act, task.reward, task.terminated, task.success, task.death)
     meanings = tuple(tuple(map(_meaning, several)) for several in functions)
     return _written(_Asked(layout, world, (meanings, task.action_low, task.action_high), task))
@@ -178,10 +181,9 @@ class _Builder:
         self.source = Source(self.layout)
         check_geometry(self.layout)
         numbers, world = len(self.task.action_low), self.world
-        limit = [world.limit] if world.limit is not None else []
-        exchanges = [r for r in (world.wall_contact, world.pair_contact) if r is not None]
-        self.of_contacts = [*exchanges, *world.on_contact]
-        self.rules = [*world.rules, *limit, *self.of_contacts, *self.task.act]
+        of_contacts = (world.wall_contact, world.pair_contact, *world.on_contact)
+        self.of_contacts = [rule for rule in of_contacts if rule is not None]
+        self.rules = [*language.rules_of(world), *self.task.act]
         for rule in (*self.rules, *self.task.of_state):
             allows_action = rule in self.task.act or rule in self.task.reward
             allows_wall = rule is world.wall_contact or rule in world.on_contact

@@ -127,9 +127,10 @@ def plain_module(text: str) -> ModuleType:
     name = kernel_path(text).stem
     if name in _plain:
         return _plain[name]
-    # numpy's scalars divide as numba's error_model="numpy" does; Python's own numbers and math.sqrt would raise.
+    # numpy's scalars divide as numba's error_model="numpy" does; Python's own numbers and math.sqrt would raise. The sign of a
+    # zero is this zero for numba, -0.0 among them, and 0.0 for numpy.
     text = text.replace("from numba import njit", "def njit(**_): return lambda function: function")
-    text = text.replace("math.sqrt", "np.sqrt")
+    text = text.replace("math.sqrt", "np.sqrt").replace("np.sign(", "(lambda x: np.sign(x) or x)(")
     module = ModuleType(name)
     for shared in re.findall(r"^from (k_\w+) import", text, re.M):
         text = re.sub(rf"^from {shared} import.*$", "", text, flags=re.M)

@@ -25,7 +25,7 @@ from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
 from segar.rules import accelerate, move
 from segar.rules.world import World
-from tests.segar.engine.worlds import compare, random_states, start, uncompiled
+from tests.segar.engine.worlds import compare, compiled, random_states, start, uncompiled
 
 LEVELS = Levels.from_entities([[GolfBall({Position: (0, 0)}), GoalTile({Position: (0.8, 0.8)}), Ball()]])
 
@@ -115,11 +115,49 @@ def test_zero_times_infinity_stays_nan():
     assert np.isnan(Interpreter(World([silly]), LEVELS.layout).step(LEVELS).values[2, column])
 
 
+def test_a_rule_is_refused_when_a_variable_that_it_reads_has_changed_since():
+    gain = 2.0
+
+    @rule
+    def grow(m: Mass) -> SetFactor[Mass]:
+        return SetFactor[Mass](m, gain * m)
+
+    world = World([grow])
+    for engine in (uncompiled, Interpreter):
+        gain = 2.0
+        engine(world, LEVELS.layout)
+        gain = 3.0
+        with pytest.raises(
+            RuleError, match=r"grow \(test_definition.py:\d+\): computes something else than when the rule was"
+        ):
+            engine(world, LEVELS.layout)
+
+
+@pytest.mark.parametrize("charge", [-0.0, 0.0, -2.0])
+def test_the_sign_of_a_zero_is_that_zero_in_the_interpreter_and_in_kernels(charge):
+    @rule
+    def signed(q: Charge, m: Mass) -> SetFactor[Mass]:
+        return SetFactor[Mass](m, q.sign())
+
+    levels = Levels.from_entities([[GolfBall({Charge: charge}), GoalTile()]])
+    slow = Interpreter(World([signed]), levels.layout).step(levels).values
+    for simulator in (uncompiled(World([signed]), levels.layout), compiled(World([signed]), levels.layout)):
+        state = start(levels)
+        simulator.step(state, levels)
+        for values in (slow, state.values[0]):
+            found = values[0, levels.layout.columns[Mass]]
+            assert math.copysign(1.0, found) == math.copysign(1.0, charge) and abs(found) == min(abs(charge), 1.0)
+
+
 # --- what it refuses, and in which words
 
 
 UNTRACEABLE = [  # the first line of a rule on all of an object, and the complaint about it
-    ("for part in v.norm():\n        pass", r"`for part in v.norm\(\):`\): a rule cannot loop over a factor"),
+    (
+        "for part in v.norm():\n        pass",
+        r"`for part in v.norm\(\):`\): TypeError: a factor's value is not iterable",
+    ),
+    ("x = pow(m, 2, 3)", r"`x = pow\(m, 2, 3\)`\): TypeError: .*takes 2 positional arguments"),
     ("while m > 1:\n        m = m / 2", "`while m > 1:`.*a rule cannot loop until a factor reaches a value"),
     ("x = math.sin(m)", r"`x = math.sin\(m\)`.*math.\* and numpy cannot use it"),
     ("x = np.clip(v, 0, 1)", r"`x = np.clip\(v, 0, 1\)`\): a rule cannot call numpy"),

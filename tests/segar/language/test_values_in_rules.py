@@ -1,6 +1,6 @@
 """A rule never decides by what it is traced with: Python's numbers, the interpreter and the kernel agree, or it is refused."""
 
-import collections
+import collections.abc
 import contextlib
 import copy
 import fractions
@@ -138,6 +138,8 @@ RIGHT = {
     "or": lambda m: m or 3.0,
     "not": lambda m: of_truth(not m),
     "hasattr": lambda m: of_truth(hasattr(m, "is_integer")),
+    "hasattr of a container": lambda m: of_truth(hasattr(m, "__iter__") or hasattr(m, "__len__")),
+    "isinstance of a container": lambda m: of_truth(isinstance(m, collections.abc.Iterable | collections.abc.Sized)),
     "a fraction": lambda m: fractions.Fraction(1, 2) * m,
     "sum of truths": lambda m: (m > 1) + (m > 2),
     "difference of truths": lambda m: (m > 1) - (m > 2),
@@ -230,7 +232,7 @@ def idle(v: segar.Velocity, action: segar.Action) -> segar.SetFactor[segar.Veloc
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_would_be_decided_once_is_refused_with_its_line(name):
     line = r"\.py:\d+\) \(line \d+: `.+`\): .*(not known while|rule cannot|rule computes|cannot be combined)"
-    line += r"|JSON serializable|'&' and '\|'|has no length"
+    line += r"|JSON serializable|'&' and '\|'|has no len\(\)"
     with pytest.raises(RuleError, match=line):
         own(name, REFUSED[name])
 
