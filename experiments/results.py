@@ -115,19 +115,15 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]], summary: str) -> 
         RunFolderError: the file cannot be written; what stood there is untouched.
     """
     if path.suffix == ".md":
-        parts = [as_markdown(rows), *(["```text\n" + summary + "\n```"] if summary else [])]
+        lines = [list(rows[0]), ["---"] * len(rows[0]), *([_cell(value) for value in row.values()] for row in rows)]
+        table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        parts = [table, *(["```text\n" + summary + "\n```"] if summary else [])]
         write_text(path, "\n\n".join(parts) + "\n")
         return
     columns = pa.table({name: _column([row[name] for row in rows]) for name in rows[0]})
     write = pyarrow.csv.write_csv if path.suffix == ".csv" else pyarrow.parquet.write_table
     with replacing(path) as beside:
         write(columns, str(beside))
-
-
-def as_markdown(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The rows as a table in Markdown."""
-    lines = [list(rows[0]), ["---"] * len(rows[0]), *([_cell(value) for value in row.values()] for row in rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def _column(values: Sequence[Any]) -> pa.Array:

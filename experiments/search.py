@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar
 import optuna
 from omegaconf import DictConfig
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
-from optuna.trial import FrozenTrial, Trial, TrialState
+from optuna.trial import Trial, TrialState
 
 from segar.cli import table
 from segar.errors import did_you_mean
@@ -159,7 +159,9 @@ def search(spec: Search) -> optuna.Study:
     folder.mkdir(parents=True, exist_ok=True)
     with lock(folder):
         study = open_study(sqlite_address(folder / "trials.db"), spec)
-        left = spec.config.trials - sum(map(has_ended, study.get_trials(deepcopy=False)))
+        # An interrupted trial is to be repeated; one that failed is not.
+        ended = [t for t in study.get_trials(deepcopy=False) if t.state is TrialState.COMPLETE or ERROR in t.user_attrs]
+        left = spec.config.trials - len(ended)
         print(f"{spec.name}: {left} of {spec.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
         together = max(spec.config.processes // spec.config.seeds, 1)  # trials that run side by side
         while left > 0:
@@ -188,11 +190,6 @@ def open_study(storage: str, spec: Search) -> optuna.Study:
         study.tell(trial.number, state=TrialState.FAIL)
         study.enqueue_trial(trial.params)
     return study
-
-
-def has_ended(trial: FrozenTrial) -> bool:
-    """Whether a trial was completed or failed; an interrupted one is to be repeated."""
-    return trial.state is TrialState.COMPLETE or ERROR in trial.user_attrs
 
 
 def jobs_of(spec: Search, trial: Trial, logs: Any) -> list[Job]:

@@ -131,9 +131,9 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
         "score",
         "seeds",
     ]
-    text = markdown([*head, "commitment"], lines) + GRINDING.format(
-        tried=TRIED, gain=number(100 * grinding(len(suites)), 1)
-    )
+    # A bound of what the luckiest of these normal draws is above the mean: of success 0.5, on the levels of each suite.
+    gain = (2 * math.log(TRIED)) ** 0.5 * (0.25 / (LEVELS * max(len(suites), 1))) ** 0.5
+    text = markdown([*head, "commitment"], lines) + GRINDING.format(tried=TRIED, gain=number(100 * gain, 1))
     lacking = [
         f"`{name}` ({len({*row.suites()} & {*suites})} of {len(suites)} suites)"
         for name, row in rows.items()
@@ -148,12 +148,6 @@ that of the alphabet. Whoever hashes {tried:,} variants of a row and keeps the l
 success on the mean of these suites, at one seed and less at more: the levels of `verify=ROW salt=WORDS` cannot be sought out
 like that.
 """
-
-
-def grinding(suites: int) -> float:
-    """A bound of what the luckiest of :data:`TRIED` normal draws is above the mean: of success 0.5, on
-    :data:`LEVELS` levels of each suite."""
-    return (2 * math.log(TRIED)) ** 0.5 * (0.25 / (LEVELS * max(suites, 1))) ** 0.5
 
 
 def named(row: Row) -> str:

@@ -76,7 +76,9 @@ def probe_factors(
             cells = quantise(column, z)
             estimates = (category_estimates if column.is_category else number_estimates)(guess, z, cells, group, rng)
             if nearest and not column.is_category:
-                estimates["ksg"] = ksg_estimate(jittered(guess, rng), z, rng, group)
+                # The last digits, so that equal predictions are no ties.
+                blur = 1e-9 * (float(np.ptp(guess)) or 1e-12)
+                estimates["ksg"] = ksg_estimate(guess + blur * rng.standard_normal(len(guess)), z, rng, group)
             nothing = {"accuracy": 1 / len(np.unique(z))}  # of all others it is 0
             data = f"{len(z)} frames of {len(np.unique(group))} episodes"
             estimates = {name: one.told_from(nothing.get(name, 0.0), data) for name, one in estimates.items()}
@@ -163,8 +165,3 @@ def ratio_over_groups(
     excess = tops - above * bottoms
     p = student_p(float(excess.mean()), float(excess.std(ddof=1)) / np.sqrt(n), n - 1)
     return Estimate.between(value, low, high, n, p)
-
-
-def jittered(x: Floats, rng: np.random.Generator) -> Floats:
-    """``x`` with the last digits blurred, so that equal predictions are no ties."""
-    return x + 1e-9 * (float(np.ptp(x)) or 1e-12) * rng.standard_normal(len(x))

@@ -60,7 +60,9 @@ def sets_of_panel(
     test = dist.sample(test_levels, seed=TEST_SEED, split="test")
     rows = []
     for n in counts:
-        floor = floor_of(dist.sample(n, seed=FIRST_SEED), test)
+        # The squared exact W2 that sets of these sizes have because they are finite.
+        rng = np.random.default_rng([n, len(test)])
+        found = w2_debiased(dist.sample(n, seed=FIRST_SEED), test, rng=rng, repeats=FLOORS)
         for seed, design in product(seeds, designs):
             place = {"family": kind, "difficulty": difficulty, "n": n, "seed": seed, "design": design}
             try:
@@ -68,15 +70,8 @@ def sets_of_panel(
             except LevelError as error:  # no such set is found, and no agent is trained on it
                 print(f"{name}, n {n}, seed {seed}, {design}: left out, because {error}")
                 continue
-            rows.append({**place, **measures(train, test, floor)})
+            rows.append({**place, **measures(train, test, found.value**2 - found.square)})
     return rows
-
-
-def floor_of(train: Levels, test: Levels) -> float:
-    """The squared exact W2 that sets of these sizes have because they are finite."""
-    rng = np.random.default_rng([len(train), len(test)])
-    found = w2_debiased(train, test, rng=rng, repeats=FLOORS)
-    return found.value**2 - found.square
 
 
 def measures(train: Levels, test: Levels, floor: float) -> dict[str, float]:

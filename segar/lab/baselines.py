@@ -52,11 +52,6 @@ def default_physics(session: Session, rng: np.random.Generator) -> Law:
     return {"options": {name: {} for name in ("lorentz", "friction") if name in session.lab.space.names}}
 
 
-def random_draw(session: Session, rng: np.random.Generator) -> Law:
-    """A law that is drawn from the rule space."""
-    return draw_laws(session.lab, 1, rng)[0]
-
-
 def nearest(session: Session, rng: np.random.Generator) -> Law:
     """Of 1,000 laws that are drawn from the rule space, the one that predicts random experiments best."""
     return _best(session, draw_laws(session.lab, DRAWS, rng), see_all(session, rng))[0]
@@ -117,7 +112,7 @@ def sequential(session: Session, rng: np.random.Generator) -> Law:
 BASELINES: Mapping[str, tuple[Baseline, bool]] = {
     "empty": (empty, False),
     "default physics": (default_physics, False),
-    "random draw": (random_draw, False),
+    "random draw": (lambda session, rng: draw_laws(session.lab, 1, rng)[0], False),
     "nearest of 1,000": (nearest, False),
     "least squares": (least_squares, False),
     "evolution, passive": (evolution, True),

@@ -144,18 +144,17 @@ class ReferenceState:
             return bool(edge_distances(self.hulls[a], -apart).min() >= 0.0)
         return bool(apart.norm() <= self.radius(a) + self.radius(b) + TOUCH)
 
-    def floor_under(self, slot: int) -> int | None:
-        """The floor that the thing is on: of those that it overlaps the one of lowest Order, the first of equals."""
-        under = [f for f in self.slots if self.has(f, language.Floor, language.Position) and self.overlap(slot, f)]
-        return min(under, key=lambda f: self.scalar(f, language.Order), default=None)
-
     def is_on(self, thing: int, ground: int) -> bool:
-        """Whether ``ground`` is the floor under ``thing``; a ``ground`` without a position is under all; floors are on none."""
+        """Whether ``ground`` is the floor under ``thing``: of those that it overlaps the first of lowest Order.
+
+        A ``ground`` without a position is under all; floors are on none.
+        """
         if not self.has(ground, language.Position):
             return True
         if not self.has(thing, language.Position) or self.has(thing, language.Floor):
             return False
-        return self.floor_under(thing) == ground
+        under = [f for f in self.slots if self.has(f, language.Floor, language.Position) and self.overlap(thing, f)]
+        return min(under, key=lambda f: self.scalar(f, language.Order), default=None) == ground
 
     def contains(self, thing: int, ground: int) -> bool:
         """Whether ``thing`` is on ``ground`` and its disc lies wholly inside the outline."""

@@ -106,7 +106,8 @@ class Evidence:
     ) -> Estimate:
         """The slope of ``y`` on ``x`` in least squares given other columns, with the interval and p of blocks."""
         values = np.column_stack([column(table, y), design(table, given), column(table, x)])
-        return self.by_blocks(table, values, last_slope, clusters)
+        # The slope of the last column, in least squares of the first on all others.
+        return self.by_blocks(table, values, lambda v: np.linalg.lstsq(v[:, 1:], v[:, 0], rcond=None)[0][-1], clusters)
 
     def mean(self, table: pd.DataFrame, value: str = "difference") -> Estimate:
         """The mean of a column, such as paired differences, with the interval and p of blocks."""
@@ -217,8 +218,3 @@ def matrix(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray:
 def design(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray:
     """What least squares takes out of a column: its mean, and covariates; [n, 1 + k]."""
     return np.column_stack([np.ones(len(table)), matrix(table, given)])
-
-
-def last_slope(values: np.ndarray) -> float:
-    """The slope of the last column, in least squares of the first on all others."""
-    return float(np.linalg.lstsq(values[:, 1:], values[:, 0], rcond=None)[0][-1])

@@ -28,11 +28,6 @@ OF_SET = ("family", "difficulty", "n", "seed", "design")
 SUCCESS_IN_TRIAL = "success_trial_{}_test_deterministic"
 
 
-def several_seeds(evidence: Evidence) -> pd.DataFrame:
-    """The main grid if it has two seeds or more, else no rows."""
-    return evidence.main if count_of(evidence.main, "seed") > 1 else evidence.main.head(0)
-
-
 def one_number_of_levels(evidence: Evidence) -> pd.DataFrame:
     """The runs of one number of training levels, if they have several designs; ``clustered`` ones were picked near together.
     One level many times is a control, which is left out."""
@@ -259,7 +254,7 @@ def is_plain_ppo(algorithm: str) -> bool:
 # The rows that each evidence of statements.yaml stands for.
 ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "main grid": lambda evidence: evidence.main,
-    "several seeds": several_seeds,
+    "several seeds": lambda evidence: evidence.main.head(len(evidence.main) * (count_of(evidence.main, "seed") > 1)),
     "one number of levels": one_number_of_levels,
     "matched sets": lambda evidence: evidence.results.of("matched_sets"),
     "matched sets from states": matched_states,

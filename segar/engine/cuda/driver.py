@@ -112,7 +112,8 @@ class Device:
                     f"GPU {self.ordinal} cannot load the kernels: {cause}{f'; {said}' if said else ''}"
                 ) from cause
             found = {}
-            for name in entries_of(ptx):
+            for line in filter(lambda line: line.startswith(".visible .entry "), ptx.splitlines()):
+                name = line.split()[2].rstrip("(")
                 function = ctypes.c_void_p()
                 self.driver.call("cuModuleGetFunction", ctypes.byref(function), module, name.encode())
                 found[name] = Kernel(self, name, function)
@@ -152,11 +153,6 @@ class Kernel:
                 "cuLaunchKernel", self.function, blocks, one, one, ctypes.c_uint(THREADS), one, one, ctypes.c_uint(0),
                 ctypes.c_void_p(stream), self._places, None,
             )  # fmt: skip
-
-
-def entries_of(ptx: str) -> list[str]:
-    """Names of the kernels in a PTX text."""
-    return [line.split()[2].rstrip("(") for line in ptx.splitlines() if line.startswith(".visible .entry ")]
 
 
 @dataclass

@@ -65,10 +65,6 @@ class _Draft:
         self.types[len(self.names)] = slot, kind
         self.names.append(f"{self._slot_name(slot)}.is_{kind.__name__}")
 
-    def add_parameter(self, parameter: type[Parameter]) -> None:
-        self.parameters[len(self.names)] = parameter
-        self.names.append(f"world.{parameter.__name__}")
-
     def _slot_name(self, slot: int) -> str:
         return self.layout.slots[slot].name if slot != EMPTY else "empty"
 
@@ -79,7 +75,8 @@ def lay_out(options: StateOptions, layout: Layout) -> Places:
     draft = _Draft(layout)
     rows = (_lay_out_table if options.form == "table" else _lay_out_vector)(options, draft, chosen)
     for parameter in _chosen_parameters(options, layout):
-        draft.add_parameter(parameter)
+        draft.parameters[len(draft.names)] = parameter
+        draft.names.append(f"world.{parameter.__name__}")
     if not draft.names:
         raise LevelError("StateVector: nothing is left to show; give it other entities, factors or hidden factors")
     _require_scaled(options, draft)
