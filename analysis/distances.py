@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from segar.analysis.tables import Floats
-from segar.errors import SegarError, UnseenDifferenceWarning
+from segar.errors import UnseenDifferenceWarning, naming
 from segar.experiments.evaluation.transfers import LEVELS
 from segar.experiments.levels.builders import distribution_of
 from segar.experiments.runs.files import read_json
@@ -57,10 +57,8 @@ def transfer_levels(folder: Path, name: str) -> LevelPair | None:
     own, trusted = own_levels(folder), own_packages(as_data(read_config(folder)))
     asked = settings_of_file(there / SUMMARY, {"transfer": summary["transfer"]}, trusted)["transfer"]
     test = LevelsConfig(train=asked["panel"], test=asked["panel"], variation=asked["variation"])
-    try:
+    with naming(there / SUMMARY, RunFolderError):
         return LevelPair(own.train, there / LEVELS, (own.distributions[0], _named(test, "test")))
-    except SegarError as error:
-        raise RunFolderError(f"{there / SUMMARY}: {error}") from error
 
 
 def in_one_unit(tests: Sequence[LevelPair | None]) -> Floats:

@@ -1,7 +1,8 @@
 """The errors that SEGAR raises, and the nearest known name for their messages."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 LONGEST_NAME = 200  # [characters] of a name that is compared with others; comparing takes time
 
@@ -49,6 +50,15 @@ class UnknownOptionError(SegarError, TypeError):
 
 class UnseenDifferenceWarning(UserWarning):
     """Level sets differ in something that the distance between them does not see."""
+
+
+@contextmanager
+def naming(place: object, kind: type[SegarError] = SegarError) -> Iterator[None]:
+    """Have an error of SEGAR inside the block begin with the place that it concerns, and be of this ``kind``."""
+    try:
+        yield
+    except SegarError as cause:
+        raise kind(f"{place}: {cause}") from cause
 
 
 def did_you_mean(name: object, names: Iterable[str], listed: Iterable[str] | None = None) -> str:

@@ -16,7 +16,7 @@ from segar.analysis.plotting.names import word_for
 from segar.analysis.report.rules import GATE_MARGIN
 from segar.analysis.stats.association import keys, labels
 from segar.analysis.tables import Floats, column, keep, read_frame, select
-from segar.errors import SegarError, did_you_mean
+from segar.errors import did_you_mean, naming
 from segar.experiments.reproduction.experiment_file import PLAN
 from segar.experiments.reproduction.imported_results import RUNS, TRANSFERS
 from segar.experiments.runs.files import read_json
@@ -186,10 +186,8 @@ def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
             if name not in table:
                 known = map(str, table.columns)
                 raise RunFolderError(f"{folder / file} has no column '{name}'.{did_you_mean(name, known)}")
-    try:
+    with naming(folder / RUNS, RunFolderError):
         keys(runs, [name for name in WHOSE if name in runs])
-    except SegarError as error:
-        raise RunFolderError(f"{folder / RUNS}: {error}") from error
     studies: dict[str, dict[str, pd.DataFrame]] = {}
     for path in sorted((folder / STUDIES).glob("*/*.csv")):
         studies.setdefault(path.parent.name, {})[path.stem] = read_frame(path)

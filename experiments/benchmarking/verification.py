@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 from scipy import stats
 
-from segar.errors import SuiteError
+from segar.errors import naming
 from segar.experiments.benchmarking.drawn import play_drawn
 from segar.experiments.benchmarking.playing import replay
 from segar.experiments.benchmarking.protocol import SHIPPED, piece_name
@@ -166,10 +166,8 @@ def _parts(episodes: pa.Table) -> dict[tuple[str, int], pa.Table]:
 
 def suite_of(row: Row, piece: Piece) -> Suite:
     """The suite that a piece was played on; raises :class:`RunFolderError` where there is none, or another version of it."""
-    try:
+    with naming(row.folder / ROW, RunFolderError):
         of = suite(piece.suite)
-    except SuiteError as error:
-        raise RunFolderError(f"{row.folder / ROW}: {error}") from error
     if of.hash != piece.suite_hash:
         raise RunFolderError(
             f"{row.folder / ROW}: it was played on {piece.suite} with the hash {piece.suite_hash}, and the suite of this"

@@ -4,7 +4,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-from segar.errors import SuiteError
+from segar.errors import SuiteError, naming
 from segar.experiments.settings import ConfigError, ObservationConfig, RunConfig
 from segar.language import Task
 from segar.levels import Levels
@@ -72,7 +72,5 @@ def levels_of_suite(name: str, which: str, place: str) -> SuiteLevels | None:
     """The levels of the suite of that name; None where no suite has it. Raises :class:`ConfigError` for a damaged one."""
     if name not in suites():
         return None
-    try:
+    with naming(place, ConfigError):
         return SuiteLevels(suite(name), which)
-    except SuiteError as error:
-        raise ConfigError(f"{place}: {error}") from error

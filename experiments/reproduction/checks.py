@@ -5,7 +5,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from segar.errors import LevelError, SegarError, did_you_mean
+from segar.errors import SegarError, did_you_mean, naming
 from segar.experiments.evaluation.transfers import RunTask
 from segar.experiments.levels.builders import Prepared, check_observations, distribution_of
 from segar.experiments.reproduction.experiment_file import (
@@ -260,8 +260,6 @@ def check_numbers(place: str, column: str, known: Mapping[str, Collection[str]])
 def check_groups(experiment: Experiment, levels: LevelsConfig) -> None:
     """Raises :class:`ConfigError` unless training and test levels can be mixed and have the factors of the groups."""
     train, test = (distribution_of(levels, which).sample(1, seed=0, split=which) for which in ("train", "test"))
-    try:
+    with naming(f"grids.{experiment.name}.attribution: {levels.train}", ConfigError):
         check_fits(train, test)
         places(train, experiment.attribution)
-    except LevelError as error:
-        raise ConfigError(f"grids.{experiment.name}.attribution: {levels.train}: {error}") from error

@@ -14,7 +14,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from segar.errors import SegarError
+from segar.errors import naming
 from segar.experiments.runs.own_modules import MODULE_PATH, names_in
 from segar.experiments.settings import RunFolderError
 from segar.support import EVERYTHING, private_cache_folder
@@ -63,10 +63,8 @@ def _signature(text: str) -> str:
 
 def _key() -> bytes:
     """The user's key, which is made when it is first asked for; nobody else can read it."""
-    try:
+    with naming("cannot keep the key that signs runs", RunFolderError):
         path = private_cache_folder() / "key"
-    except SegarError as error:
-        raise RunFolderError(f"cannot keep the key that signs runs: {error}") from error
     try:
         with FileLock(path.with_suffix(".lock")):  # nobody reads a key that another process has not written yet
             if not path.exists():

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from segar.errors import SegarError
+from segar.errors import naming
 from segar.experiments.settings.checks import path_of
 from segar.experiments.settings.errors import ConfigError
 from segar.support import module_in_file, named_object, object_name, resolve, sha256_of
@@ -41,10 +41,8 @@ def without_files(settings: Any, place: str = "", folder: Path | None = None) ->
     if not isinstance(settings, str):
         return settings
     if (own := object_name(settings)) and own.is_in_file:
-        try:
+        with naming(place, ConfigError):
             return f"{module_in_file((folder or Path()) / Path(own.module).expanduser())}:{own.attribute}"
-        except SegarError as error:
-            raise ConfigError(f"{place}: {error}") from error
     if (found := LEVEL_FILE.fullmatch(settings)) and found[2] is None:
         path = ((folder or Path()) / Path(found[1]).expanduser()).resolve()
         return f"{path}#{file_fingerprint(path, place)}"
@@ -95,10 +93,8 @@ def add_module_path(folders: Iterable[str]) -> None:
 def import_object(name: str, place: str, what: str = "", known: Mapping[str, Any] | None = None) -> Any:
     """What the registry ``known``, of things that are each a ``what``, has of a name, else the object that
     ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
-    try:
+    with naming(place, ConfigError):
         return named_object(name) if known is None else resolve(name, known, what)
-    except SegarError as error:
-        raise ConfigError(f"{place}: {error}") from error
 
 
 def name_of_target(target: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from segar.datasets.episodes import Episode, episode_of, roll_out
 from segar.datasets.recipe import hash_of_kernel, levels_of, recipe_of
 from segar.envs import VectorEnv, play
-from segar.errors import SegarError
+from segar.errors import SegarError, naming
 from segar.language import Task
 from segar.levels import Levels, levels_from_data
 from segar.observations import OBSERVATIONS, leaves
@@ -127,11 +127,9 @@ def read_play(
     data = json_in(path, "a recording of play", SegarError, from_handwritten_json)
     check_form(str(path), data, "a recording of play", FORMAT, VERSION, FORM, SegarError)
     levels = levels_from_data(data["levels"], path, "levels.", world)
-    try:
+    with naming(path):
         task = task or task_of(replace(levels, task=data["task"] or levels.task))
         env = VectorEnv(levels, 1, observation=observation, task=task, seed=0, autoreset_mode="Disabled", world=world)
-    except SegarError as error:
-        raise SegarError(f"{path}: {error}") from error
     _check_memory(path, data["episodes"], env)
     by = f"; SEGAR {shown(data['segar'])} recorded it, and this is {__version__}"
     return levels, [_play_again(env, said, f"{path}: episodes[{k}]", by) for k, said in enumerate(data["episodes"])]
@@ -159,13 +157,11 @@ def _play_again(env: VectorEnv, said: dict[str, Any], at: str, by: str) -> Episo
     actions = _read_actions(said["actions"], len(env.task.action_low), f"{at}.actions")
     start = env.reset(seed=said["seed"], options={"levels": np.array([said["level"]])})
     steps, taken = [], iter(actions[:, None])
-    try:
+    with naming(at):
         for now in play(env, lambda observations: next(taken), start):
             steps.append(now)
             if now.time == len(actions) or not now.running[0]:
                 break
-    except SegarError as error:
-        raise SegarError(f"{at}: {error}") from error
     last = steps[-1]
     if last.time < len(actions):
         raise SegarError(f"{at}.actions: there are {len(actions)}, and the episode ends after {last.time} of them{by}")

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, TextIO
 
 import numpy as np
 
-from segar.errors import SegarError, did_you_mean
+from segar.errors import SegarError, did_you_mean, naming
 from segar.evaluation import Interval
 from segar.hardness import wilson_interval
 from segar.lab.grading import Grader
@@ -136,10 +136,8 @@ class Session:
         for number, line in enumerate(lines[1:], 2):
             if wrong := misfit(line, {"request": dict, "reply": dict}, only=True):
                 raise SegarError(f"{path}: line {number}: {wrong}")
-            try:
+            with naming(f"{path}: line {number}"):
                 reply = _json(session.do(line["request"]))
-            except SegarError as error:
-                raise SegarError(f"{path}: line {number}: {error}") from error
             if reply != _json(line["reply"]):
                 raise SegarError(f"{path}: line {number}: the reply to this request is another one now")
         return session

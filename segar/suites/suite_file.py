@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import SegarError, SuiteError, did_you_mean
+from segar.errors import SuiteError, did_you_mean, naming
 from segar.hardness import Plan, plan
 from segar.language import Factor, Task, all_subclasses
 from segar.levels import LevelDistribution, Levels, family, hash_of_levels, read_distribution
@@ -186,10 +186,8 @@ def read_suite(path: str | PathLike[str]) -> Suite:
     found = _read(path)
     hidden = tuple(_factor(path, name) for name in found["hidden"])
     given = {side: distribution_of(path, found, side) for side in SIDES}
-    try:
+    with naming(path, SuiteError):
         levels = Levels.load(path.with_suffix(LEVELS), world=given["test"].world)
-    except SegarError as error:
-        raise SuiteError(f"{path}: {error}") from error
     hashes = {
         "train": given["train"].hash,
         "test": given["test"].hash,
@@ -235,10 +233,8 @@ def _changed(where: object, what: str, here: str, there: str) -> str:
 
 
 def _plans_in(path: Path) -> Plan:
-    try:
+    with naming(path, SuiteError):
         return Plan.load(path)
-    except SegarError as error:
-        raise SuiteError(f"{path}: {error}") from error
 
 
 def _plans_again(path: Path, test: LevelDistribution, number: int, task: Task) -> Plan:
@@ -321,20 +317,16 @@ def _read(path: Path) -> dict[str, Any]:
 def distribution_of(path: Path, found: Mapping[str, Any], side: str) -> LevelDistribution:
     """The distribution that a description has for training or test."""
     origin = dataclasses.replace(family("empty-hard"), task=found["task"]["name"])  # its names are SEGAR's alone
-    try:
+    with naming(f"{path}: [{side}]", SuiteError):
         read = read_distribution(found[side]["distribution"], origin)
         return dataclasses.replace(read, name=f"{found['name']}-{side}", world=rules_of(found[side]["rules"]))
-    except SegarError as error:
-        raise SuiteError(f"{path}: [{side}]: {error}") from error
 
 
 def task_from(path: Path, name: str, options: Mapping[str, Any]) -> Task:
     """The built-in task of this name with these options; raises :class:`SuiteError` where there is none, or it does not take
     them."""
-    try:
+    with naming(f"{path}: task", SuiteError):
         return make_task(name, options, trusted=())
-    except SegarError as error:
-        raise SuiteError(f"{path}: task: {error}") from error
 
 
 def _factor(path: Path, name: str) -> type[Factor]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import SegarError
+from segar.errors import SegarError, naming
 from segar.support import Form, need, open_npz, opened
 
 SMALLEST, LARGEST = 2, 32  # [pixels] sides of filters that are taken for a first layer
@@ -81,10 +81,8 @@ class FilterBank:
                 f"{path} has {len(found) or 'no'} arrays of shape [filter, 3, k, k]"
                 + (f" ({_listed(found)}): name one with key=" if found else ": is it an image network?")
             )
-        try:
+        with naming(path):
             return cls(path.stem, next(iter(found.values())) if key is None else found[key])
-        except SegarError as cause:
-            raise SegarError(f"{path}: {cause}") from cause
 
     @classmethod
     def built_in(cls, rng: np.random.Generator, count: int = 192, size: int = 5) -> FilterBank:

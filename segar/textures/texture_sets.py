@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import SegarError, did_you_mean
+from segar.errors import SegarError, did_you_mean, naming
 from segar.language import Entity
 from segar.support import ArchiveFormat, Form, counted
 from segar.textures.inputs import BACKGROUND, entity_values, is_noise, name_of_input
@@ -179,10 +179,8 @@ class TextureSet:
             return ARRAYS
 
         arrays, description = FORMAT.read(path, forms)
-        try:
+        with naming(path):
             return cls(**arrays, **{name: description[name] for name in DESCRIPTION})
-        except SegarError as cause:
-            raise SegarError(f"{path}: {cause}") from cause
 
 
 def shipped_sets() -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from segar.analysis.report.study.reading import OWN_UNITS, Study
 from segar.analysis.runs import column_name, number_column, number_of_pairs
 from segar.analysis.stats.estimate import Estimate
 from segar.analysis.tables import column, keep
-from segar.errors import SegarError
+from segar.errors import SegarError, naming
 from segar.experiments.reproduction.experiment_file import OF_TASK, SIGNS, ClaimConfig, claim_config
 from segar.experiments.reproduction.grid import AGENT_SEED, LEVEL_SEED, NUMBERS_OF_LEVELS, to_be_equal
 from segar.experiments.settings import ConfigError, import_object
@@ -35,10 +35,8 @@ def claim_or_reason(study: Study, name: str, asked: Mapping[str, Any]) -> Claim:
 
 def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
     """The claim with its finding; raises :class:`ConfigError` for a column that does not exist or a test that goes wrong."""
-    try:
+    with naming(f"claims.{name}", ConfigError):
         one = tested(study, claim)
-    except SegarError as error:
-        raise ConfigError(f"claims.{name}: {error}") from error
     expected = f"Expected: {claim.expected}; effects below {plain(one.margin, 3)} do not matter."
     several = number_of_pairs(study.runs) > 1 and "w2_exact" in (claim.of, claim.against, *claim.given)
     unit = f"{OWN_UNITS} `w2` has one for all." if several else ""
