@@ -19,17 +19,9 @@ from segar.rules import World
 
 SPLIT = re.compile(r"\w([\w .-]{0,98}\w)?")
 """What the names of splits are made of, which may become parts of the names of files."""
-LEVEL_ARRAYS = (
-    "types",
-    "values",
-    "shape_kind",
-    "vertex_count",
-    "vertices",
-    "parameters",
-    "sampled_values",
-)
 OUTLINE = ("shape_kind", "vertex_count", "vertices")
 """The arrays that say which shape a thing has."""
+LEVEL_ARRAYS = ("types", "values", *OUTLINE, "parameters", "sampled_values")
 
 
 @dataclass(frozen=True, eq=False)
