@@ -14,8 +14,8 @@ from segar.levels import Levels
 from segar.support import ArchiveFormat, Form
 
 LIMIT = 4 * 2**30  # [bytes] of a snapshot whose observations remember frames
-FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError, LIMIT)
 DESCRIPTION = {"seed": int, "memory?": [str], "parameters?": bool}
+FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError, DESCRIPTION, LIMIT)
 # Of arrays; those of others are int64.
 DTYPES = {"values": "float64", "parameters": "float64", "returns": "float64", "key": "uint64"}
 STATE_ARRAYS = tuple(array.name for array in fields(State))
@@ -116,7 +116,6 @@ class Snapshot:
         path = Path(path)
 
         def forms(metadata: dict[str, Any]) -> dict[str, Form]:
-            FORMAT.check(path, metadata, DESCRIPTION)
             own = ["parameters"] if metadata.get("parameters") else []
             return {name: _form(name) for name in (*STATE_ARRAYS, *EPISODE_ARRAYS, *own)} | {
                 f"{MEMORY}{name}": Form(None, ("environments", ...)) for name in metadata.get("memory", ())

@@ -23,7 +23,6 @@ LEAST_SPREAD = 0.02  # of half the range; the candidates of the last iteration s
 SMOOTHNESS = 0.8  # correlation of the perturbations of successive actions
 FRESH = np.float32((1 - SMOOTHNESS**2) ** 0.5)  # the weight of what is drawn anew, which keeps the deviation
 PATIENCE = 3  # candidates are truncated at so many times the steps of the best success
-FORMAT = ArchiveFormat("segar-plan", 1, "a plan", "plan", SegarError)
 PLAN_ARRAYS = {
     "solved": Form("bool", ("levels",)),
     "died": Form("bool", ("levels",)),
@@ -32,7 +31,8 @@ PLAN_ARRAYS = {
     "actions": Form("float32", ("levels", "max steps", "action size")),
     "values": Form("float64", ("levels", "entities", "columns")),
 }
-PLAN_NUMBERS = ("task", "seed", "rollouts")
+PLAN_NUMBERS = {"task": str, "seed": int, "rollouts": int}
+FORMAT = ArchiveFormat("segar-plan", 1, "a plan", "plan", SegarError, PLAN_NUMBERS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,13 +82,7 @@ class Plan:
         Raises:
             SegarError: the file is no plan, is incomplete, or was written by a newer version.
         """
-        path = Path(path)
-
-        def forms(metadata: dict[str, Any]) -> dict[str, Form]:
-            FORMAT.check(path, metadata, {"task": str, "seed": int, "rollouts": int})
-            return PLAN_ARRAYS
-
-        arrays, metadata = FORMAT.read(path, forms)
+        arrays, metadata = FORMAT.read(Path(path), lambda description: PLAN_ARRAYS)
         return cls(**arrays, **{name: metadata[name] for name in PLAN_NUMBERS})
 
 

@@ -26,7 +26,7 @@ from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
 from segar.support import ArchiveFormat, Form, ShownInNotebooks, counted
 
-FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
+FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError, DESCRIPTION)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -198,7 +198,6 @@ def _read_npz(path: Path, world: World | None) -> LevelData:
     layouts: list[Layout] = []
 
     def forms(description: dict[str, Any]) -> Mapping[str, Form]:
-        FORMAT.check(path, description, DESCRIPTION)
         layouts.append(layout_of(description, path, world))
         return level_forms(layouts[0])
 

@@ -14,7 +14,6 @@ from segar.policies.forward_pass import ForwardPass, make_forward_pass
 from segar.policies.layers import MEMORY, Layer, Shape, output_shape
 from segar.support import ArchiveFormat, Form
 
-FORMAT = ArchiveFormat("segar-network", 1, "a network", "network file", SegarError)
 DESCRIPTION = {
     "observation_shape": [int],
     "layers": [{"kind": str, "reads": [int], "options": {str: float}, "arrays": [str]}],
@@ -25,6 +24,7 @@ DESCRIPTION = {
     "action_low": [float],
     "action_high": [float],
 }
+FORMAT = ArchiveFormat("segar-network", 1, "a network", "network file", SegarError, DESCRIPTION)
 NETWORK_FILE = "network.npz"  # in the folder of an evaluation, of the network that played
 ONE_NUMBER = Shape(1, 1, 1, 1)
 LONGEST_SIDE = 2**16  # of an observation
@@ -151,7 +151,6 @@ class Network:
         path = Path(path)
 
         def forms(metadata: dict[str, Any]) -> dict[str, Form]:
-            FORMAT.check(path, metadata, DESCRIPTION)
             return {
                 _key(i, name): Form("float32", (..., ))
                 for i, layer in enumerate(metadata["layers"])

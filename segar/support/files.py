@@ -168,6 +168,7 @@ class ArchiveFormat:
         version: of the format; it grows when older versions of SEGAR can no longer read new archives.
         contents, file: words for messages: what the archive holds and what it is, e.g. ``levels`` and ``level file``.
         error: the class of the errors that reading and writing raise.
+        description: the form of the description; see :func:`segar.support.json_forms.misfit`.
         limit: [bytes] to which a file may expand when it is read, if it is not large itself; see
             :func:`segar.support.reading.file_limit`.
     """
@@ -177,6 +178,7 @@ class ArchiveFormat:
     contents: str
     file: str
     error: type[SegarError]
+    description: Mapping[str, Any]
     limit: int = LIMIT
 
     def write(self, path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
@@ -200,7 +202,7 @@ class ArchiveFormat:
         """Return arrays, and the description. The headers of all arrays are checked before one is expanded.
 
         Args:
-            forms: function of the description: the names of the arrays to read, and what each must be.
+            forms: function of the description, which has its form: the names of the arrays to read, and what each must be.
 
         Raises:
             error: there is no such file, it is no archive of this format, it is incomplete, its arrays have other forms,
@@ -217,8 +219,8 @@ class ArchiveFormat:
             metadata = self._checked_description(path, text)
             return npz.read(forms(metadata)), metadata
 
-    def check(self, path: Path, metadata: Mapping[str, Any], form: Mapping[str, Any]) -> None:
-        """Raise :attr:`error` unless the description has the form; see :func:`segar.support.json_forms.misfit`."""
+    def _check(self, path: Path, metadata: Mapping[str, Any], form: Mapping[str, Any]) -> None:
+        """Raise :attr:`error` unless the description has the form."""
         wrong = misfit(metadata, form)
         if wrong:
             raise self.error(
@@ -236,10 +238,11 @@ class ArchiveFormat:
         found = metadata.get("format") if isinstance(metadata, dict) else None
         if found != self.name:
             raise self.error(f"{path} is not a {self.file}, whose format is '{self.name}'; its format is '{found}'")
-        self.check(path, metadata, {"format_version?": int})
+        self._check(path, metadata, {"format_version?": int})
         if metadata.get("format_version", 0) > self.version:
             raise self.error(
                 f"{path} was written by a newer SEGAR ({metadata.get('version')}), which this one cannot read; install that"
                 " version"
             )
+        self._check(path, metadata, self.description)
         return metadata

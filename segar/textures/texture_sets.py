@@ -22,7 +22,7 @@ ARRAYS = {
     "scale": Form("float64", ("inputs",)),
 }
 DESCRIPTION = {"name": str, "inputs": [str], "squash": str, "origin": {}}
-FORMAT = ArchiveFormat("segar-textures", 1, "textures", "texture file", SegarError)
+FORMAT = ArchiveFormat("segar-textures", 1, "textures", "texture file", SegarError, DESCRIPTION)
 SQUASHES = ("tanh", "clip")
 DATA = Path(__file__).parent / "data"
 
@@ -174,11 +174,7 @@ class TextureSet:
                 )
             path = DATA / f"{name}.npz"
 
-        def forms(description: dict[str, Any]) -> dict[str, Form]:
-            FORMAT.check(path, description, DESCRIPTION)
-            return ARRAYS
-
-        arrays, description = FORMAT.read(path, forms)
+        arrays, description = FORMAT.read(path, lambda description: ARRAYS)
         with naming(path):
             return cls(**arrays, **{name: description[name] for name in DESCRIPTION})
 
