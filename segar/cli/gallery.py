@@ -10,7 +10,7 @@ import numpy as np
 
 from segar import language
 from segar.cli.arguments import add_number, add_output, command, print_answer
-from segar.envs import VectorEnv
+from segar.envs import Env
 from segar.levels import DIFFICULTIES, TASKS, Levels, family
 from segar.observations import Pixels, TexturedPixels
 from segar.rendering import View
@@ -74,22 +74,18 @@ def default_renderers() -> dict[str, Renderer]:
 
 def draw_level(levels: Levels, renderer: Renderer) -> np.ndarray:
     """The first level as it is at the start, uint8 ``(TILE, TILE, 3)``; ``renderer``: of square frames that fit into it."""
-    first = {"levels": np.zeros(1, np.int64)}
     if isinstance(renderer, View):
-        env = VectorEnv(levels, 1, render_mode="rgb_array", view=renderer, seed=0)
-        env.reset(options=first)
-        frame = _rendered(env)
+        frame = _picture(levels, renderer)
     else:
-        observations, _ = VectorEnv(levels, 1, observation=renderer, seed=0).reset(options=first)
-        frame = np.asarray(observations[0])
+        frame, _ = Env(levels, observation=renderer, seed=0).reset(options={"level": 0})
     return frame.repeat(TILE // len(frame), axis=0).repeat(TILE // len(frame), axis=1)
 
 
-def _rendered(env: VectorEnv) -> np.ndarray:
-    """The frame of the only environment of a batch, uint8 ``view.shape``."""
-    frames = env.render()
-    assert frames is not None
-    return frames[0]
+def _picture(levels: Levels, view: View) -> Any:
+    """The first level for people, uint8 ``view.shape``."""
+    env = Env(levels, render_mode="rgb_array", view=view, seed=0)
+    env.reset(options={"level": 0})
+    return env.render()
 
 
 def save_png(picture: np.ndarray, path: str | PathLike[str]) -> None:
@@ -135,9 +131,7 @@ THINGS: tuple[language.Entity, ...] = (
 
 def legend(size: int = 768) -> np.ndarray:
     """A level in which everything has a sign, uint8 ``View(size).shape``."""
-    env = VectorEnv(Levels.from_entities([THINGS]), 1, render_mode="rgb_array", view=View(size=size), seed=0)
-    env.reset()
-    return _rendered(env)
+    return _picture(Levels.from_entities([THINGS]), View(size=size))
 
 
 def add_commands(commands: Any) -> None:
