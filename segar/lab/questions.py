@@ -66,10 +66,6 @@ class Question:
     ask: Mapping[str, Any]
     mark: Callable[[Any], Mark]
 
-    @property
-    def id(self) -> str:
-        return self.ask["id"]
-
 
 def make_questions(lab: Lab) -> list[Question]:
     """So many questions of each kind as the lab says, each about a level of its own in which no experiment begins.

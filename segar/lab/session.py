@@ -191,7 +191,7 @@ class Session:
             return {"grade": grade.data()}
         if "answers" not in request:
             self.is_over = True
-            self.asked = self.asked or {question.id: question for question in make_questions(self.lab)}
+            self.asked = self.asked or {question.ask["id"]: question for question in make_questions(self.lab)}
             return {"questions": [question.ask for question in self.asked.values()]}
         answers = request["answers"]
         for name in answers:

@@ -146,7 +146,7 @@ WRONG = {
 def test_an_answer_of_another_form_is_named(questions, kind):
     question = of(questions, kind)[0]
     for answer, said in WRONG[kind]:
-        with pytest.raises(SegarError, match=rf"'answers.{question.id}.*({said})"):
+        with pytest.raises(SegarError, match=rf"'answers.{question.ask['id']}.*({said})"):
             question.mark(answer)
     assert question.mark(None) == (False, 0.0)
 
