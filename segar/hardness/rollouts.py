@@ -86,10 +86,6 @@ class ForkedEpisodes:
         self._keep(starts.state, rows)
         self.state.key = self.state.key if keys is None else keys
 
-    def start(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The first states, and no info."""
-        return self.state.values, {}
-
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
         """Advance all rows; ``info`` holds ``success`` and ``death``. The next step overwrites what it returns.
 
@@ -141,7 +137,7 @@ def play_forks(
     solved, died = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     steps, returns, last = np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
     actions = np.zeros((n, task.max_steps, len(low)), np.float32)
-    for now in play(forks, player, forks.start()):
+    for now in play(forks, player, (forks.state.values, {})):
         if now.time == 0:
             continue
         on, over = now.episodes[now.played], now.episodes[now.ended]
@@ -169,7 +165,7 @@ def trace(starts: Starts, rows: np.ndarray, actions: np.ndarray) -> tuple[np.nda
     states = np.empty((n, length + 1, *forks.state.values.shape[1:]))
     states[:, 0] = forks.state.values
     ends = np.full(n, length + 1)
-    for now in play(forks, OpenLoop(actions), forks.start()):
+    for now in play(forks, OpenLoop(actions), (forks.state.values, {})):
         states[now.episodes[now.played], now.time] = now.observation[now.played]
         states[now.episodes[now.ended], now.time + 1 :] = now.observation[now.ended, None]
         ends[now.episodes[now.played & now.terminated]] = now.time
