@@ -81,7 +81,6 @@ class DeviceEpisodes:
         SegarError: the observation, or drawing for people, needs the processor; or the GPU has too little memory.
     """
 
-    runs_on_gpu = True
     camera = None
 
     def __init__(self, gpu: GPU, host: HostEpisodes) -> None:

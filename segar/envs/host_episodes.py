@@ -45,7 +45,6 @@ class HostEpisodes:
     """
 
     device: Any = "cpu"
-    runs_on_gpu = False
 
     def __init__(
         self,

@@ -20,10 +20,10 @@ from segar.envs.snapshots import MOST_TRIALS, Snapshot
 from segar.errors import LevelError, SegarError, did_you_mean, must_be
 from segar.language import Factor, Factors, Parameter, Task
 from segar.levels import Levels, check_crossings, check_levels
-from segar.observations import BoundObservation, ObservationLike, draws_per_episode, for_task, make_observation
-from segar.rendering import RENDER_MODES, Camera, View, offered_modes, steps_per_second
+from segar.observations import BoundObservation, ObservationLike, adapted, draws_per_episode, make_observation
+from segar.rendering import RENDER_MODES, Camera, View, steps_per_second
 from segar.rules import World
-from segar.support import need
+from segar.support import has_pygame, need
 from segar.tasks import task_of
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not isinstance(autoreset_mode, AutoresetMode) and autoreset_mode not in known:
             raise SegarError(f"autoreset_mode {must_be(autoreset_mode, known)}")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        modes = {"autoreset_mode": self.autoreset_mode, "render_modes": offered_modes()}
+        modes = {"autoreset_mode": self.autoreset_mode, "render_modes": RENDER_MODES if has_pygame() else ["rgb_array"]}
         self.metadata = {**type(self).metadata, **modes}
         world = world or world_of(levels)
         check_crossings(levels, world, self.task.sub_steps)
@@ -152,7 +152,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         host = HostEpisodes(
             self.simulator,
             levels,
-            for_task(make_observation(observation), self.task),
+            adapted(make_observation(observation), "for_task", self.task),
             self.action_range,
             num_envs=num_envs,
             num_threads=num_threads,
@@ -188,7 +188,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     @property
     def runs_on_gpu(self) -> bool:
         """Whether episodes run on a GPU."""
-        return self._episodes.runs_on_gpu
+        return self.device != "cpu"
 
     @property
     def pool(self) -> LevelPool:

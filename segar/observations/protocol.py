@@ -29,7 +29,7 @@ from gymnasium import spaces
 from gymnasium.vector.utils import create_empty_array
 
 from segar.engine import Call, Reads
-from segar.language import Factor, Task
+from segar.language import Factor
 from segar.levels import Levels
 
 Arrays: TypeAlias = np.ndarray | tuple[Any, ...] | dict[str, Any]
@@ -189,11 +189,6 @@ def draws_per_episode(observation: BoundObservation) -> bool:
     members = getattr(observation, "members", None)
     otherwise = hasattr(observation, "start") if members is None else any(map(draws_per_episode, members))
     return bool(getattr(observation, "draws_per_episode", otherwise))
-
-
-def for_task(observation: Observation, task: Task) -> Observation:
-    """The observation in environments of a task: another one if it depends on the task, else the same."""
-    return adapted(observation, "for_task", task)
 
 
 def adapted(observation: Observation, method: str, to: Any) -> Observation:

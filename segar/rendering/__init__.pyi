@@ -2,7 +2,6 @@ from .camera import (
     RENDER_MODES as RENDER_MODES,
     Camera as Camera,
     episode_verdict as episode_verdict,
-    offered_modes as offered_modes,
     status_line as status_line,
     steps_per_second as steps_per_second,
 )

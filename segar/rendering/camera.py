@@ -142,11 +142,6 @@ class PlainFrames:
         return list(frames)
 
 
-def offered_modes() -> list[str]:
-    """The render modes that work with the packages that are installed."""
-    return RENDER_MODES if has_pygame() else ["rgb_array"]
-
-
 def status_line(task: Task, now: Episodes, row: int, verdict: str = "") -> str:
     """The text below the arena of an environment: step, return and level, and how the episode ended."""
     limit = "" if task.max_steps == NO_LIMIT else f" / {task.max_steps}"
