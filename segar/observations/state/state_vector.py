@@ -140,12 +140,12 @@ N_THINGS = 20
 
 def ObjectState(entity: str | type[language.Entity] = "golfball", **options: Any) -> StateVector:
     """The 12 numbers of an object: those of ``OBJECT_FACTORS``."""
-    return _state({"entities": (entity,), "factors": OBJECT_FACTORS}, options)
+    return StateVector(**{"entities": (entity,), "factors": OBJECT_FACTORS, "types": False} | options)
 
 
 def TileState(entity: str | type[language.Entity] = "goal", **options: Any) -> StateVector:
     """The 4 numbers of a tile: those of ``TILE_FACTORS``."""
-    return _state({"entities": (entity,), "factors": TILE_FACTORS}, options)
+    return StateVector(**{"entities": (entity,), "factors": TILE_FACTORS, "types": False} | options)
 
 
 def AllState(n_things: int = N_THINGS, unique_ids: tuple[str, ...] = (), **options: Any) -> StateVector:
@@ -166,10 +166,5 @@ def AllTiles(n_things: int = N_THINGS, unique_ids: tuple[str, ...] = (), **optio
 def _table(
     kind: type[language.Entity], n_things: int, unique_ids: tuple[str, ...], options: dict[str, Any]
 ) -> StateVector:
-    table = {"form": "table", "slots": n_things, "entities": (*unique_ids, kind), "factors": THING_FACTORS}
-    return _state(table, options)
-
-
-def _state(preset: dict[str, Any], options: dict[str, Any]) -> StateVector:
-    """Without type numbers, as in 2022; ``options`` override the preset."""
-    return StateVector(**{"types": False, **preset, **options})
+    rows = {"form": "table", "slots": n_things, "entities": (*unique_ids, kind)}
+    return StateVector(**rows | {"factors": THING_FACTORS, "types": False} | options)
