@@ -88,8 +88,7 @@ class RuleSpace:
                     )
                 self.laws[parameter] = law
         self._require_once()
-        gated = {o.name: tuple(r.where_active(o.active) for r in o.rules) for o in self.options}
-        self.rules = (*self.always, *(rule for o in self.options for rule in gated[o.name]))
+        self.rules = (*self.always, *(r.where_active(o.active) for o in self.options for r in o.rules))
         self.on_contact = tuple(r.where_active(o.active) for o in self.options for r in o.on_contact)
 
     @cached_property

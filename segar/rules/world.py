@@ -65,9 +65,11 @@ class World(ShownInNotebooks):
         set_(self, "space", space)
         set_(self, "rules", given)
         set_(self, "on_contact", (*notes, *(() if space is None else space.on_contact)))
-        set_(self, "limit", None if limit is None else as_rule(limit))
-        set_(self, "wall_contact", None if wall_contact is None else as_rule(wall_contact))
-        set_(self, "pair_contact", None if pair_contact is None else as_rule(pair_contact))
+        for name, one in (("limit", limit), ("wall_contact", wall_contact), ("pair_contact", pair_contact)):
+            rule = None if one is None else as_rule(one)
+            if rule is not None and rule.active is not None:
+                raise RuleError(f"{rule.where}: {name} holds in every level; test the parameter inside the rule")
+            set_(self, name, rule)
         set_(self, "solid", solid)
         set_(self, "walls", float(walls))
         if not 0.0 < self.walls < float("inf"):
@@ -76,10 +78,6 @@ class World(ShownInNotebooks):
             raise RuleError(f"{self.limit.where}: the limit may only set Velocity")
         for rule in self.on_contact:
             _check_note(rule, self.pair_contact)
-        for name in ("limit", "wall_contact", "pair_contact"):
-            rule = getattr(self, name)
-            if rule is not None and rule.active is not None:
-                raise RuleError(f"{rule.where}: {name} holds in every level; test the parameter inside the rule")
 
     def may_meet(self, one: Rule, other: Rule) -> bool:
         """Whether both rules hold in some level."""
