@@ -202,7 +202,8 @@ def _search(
         # After its end an episode has no actions; those of the mean stand in.
         after = np.arange(task.max_steps) >= played.steps[picked][..., None]
         chosen = np.where(after[..., None], mean[:, None], played.actions[picked])
-        best = _better(best, _take(played, picked[:, 0]), task)
+        first = Episodes(**{name: array[picked[:, 0]] for name, array in vars(played).items()})
+        best = _better(best, first, task)
         chosen = np.concatenate([best.actions[:, None], chosen], axis=1)
         mean, spread = chosen.mean(axis=1), np.maximum(chosen.std(axis=1), LEAST_SPREAD * half_range, dtype=np.float32)
     return best, n * (1 + (script is not None) + samples * iterations)
@@ -219,10 +220,6 @@ def _better(a: Episodes, b: Episodes, task: Task) -> Episodes:
     wins = (b.solved > a.solved) | ((b.solved == a.solved) & (value(b, task) > value(a, task)))
     pick: Any = lambda x, y: np.where(wins.reshape(-1, *(1,) * (x.ndim - 1)), y, x)  # noqa: E731
     return Episodes(**{name: pick(array, getattr(b, name)) for name, array in vars(a).items()})
-
-
-def _take(episodes: Episodes, rows: np.ndarray) -> Episodes:
-    return Episodes(**{name: array[rows] for name, array in vars(episodes).items()})
 
 
 class _Perturbed:

@@ -103,16 +103,14 @@ class NetworkPolicy:
         made = network.forward_pass(self.sampled, valued=True)
         mean, log_std = made.outputs[0], made.outputs[1] if self.sampled else 0
         value = -1 if network.value is None else made.outputs[-1]
-        given = {
-            "observations": Given(np.dtype(network.dtype).name, (*envs, math.prod(network.observation_shape))),
-            "memory": Given("float32", (*envs, made.memory_width)),
-            "scratch": Given("float32", (*envs, made.width)),
-            "actions": Given("float32", (*envs, network.actions)),
-        }
+        observations = Given(np.dtype(network.dtype).name, (*envs, math.prod(network.observation_shape)))
+        memory, scratch, actions = (
+            Given("float32", (*envs, width)) for width in (made.memory_width, made.width, network.actions)
+        )
         arguments = [
-            *(Rows(), made.table, made.places, made.floats, given["observations"], given["memory"], given["scratch"]),
+            *(Rows(), made.table, made.places, made.floats, observations, memory, scratch),
             *(made.width, Scratch(np.float32, ROWS * TILE), mean, log_std, *network.log_std_range, self._center),
-            *(self._half_range, Given("uint64", envs), Given("int64", envs), self.sampled, given["actions"]),
+            *(self._half_range, Given("uint64", envs), Given("int64", envs), self.sampled, actions),
             *(value, Given("float32", envs)),
         ]
         return call_of("decide", decide, arguments, {})

@@ -33,10 +33,7 @@ def card(suite: Suite, plays: int = PLAYS) -> dict[str, Any]:
     shares = {name: value / parts.value**2 for name, value in parts.by_factor.items() if value > 0}
     told = {name: value for name, value in marginals.items() if value >= LEAST_KS}
     return {
-        "name": suite.name,
-        "axis": suite.axis,
-        "shift": suite.shift,
-        "says": suite.says,
+        **{name: getattr(suite, name) for name in ("name", "axis", "shift", "says")},
         "differs": groups_in_words(suite),
         "training_levels": suite.training_levels,
         "test_levels": len(suite.test_levels),
