@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import PriorError, RuleError
+from segar.errors import PriorError, naming
 from segar.language import (
     Factor,
     Leaf,
@@ -106,11 +106,9 @@ def _expression(name: str, given: Any) -> Symbol:
         return make("const", float(given))
     if not callable(given):
         raise PriorError(f"Dependent: {name} must be a finite number or a typed function of factors, not {given!r}")
-    try:
+    with naming(f"Dependent: {name}", PriorError):
         signature = read_signature(given, returns_effects=False)
         symbol = _number_of(trace(given, symbolic_arguments(signature), number_leaf, code_place(given)))
-    except RuleError as error:
-        raise PriorError(f"Dependent: {name}: {error}") from None
     strange = next((s.op for s in walk(symbol) if s.op in UNREADABLE), None)
     if len(signature.entities) != 1 or strange:
         reason = f"it uses a {strange}" if strange else f"it takes {len(signature.entities)} entities"

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from segar.errors import SegarError
+from segar.errors import SegarError, naming
 from segar.policies.forward_pass import ForwardPass, make_forward_pass
 from segar.policies.layers import MEMORY, Layer, Shape, output_shape
 from segar.support import ArchiveFormat, Form
@@ -204,8 +204,6 @@ def _shapes(observation_shape: Sequence[int], layers: Sequence[Layer]) -> tuple[
             raise SegarError(
                 f"layer {i} ({layer.kind}) reads layers {list(layer.reads)}, which do not all come before it"
             )
-        try:
+        with naming(f"layer {i} ({layer.kind})"):
             shapes.append(output_shape(layer, [shapes[j] for j in layer.reads] or [observation]))
-        except SegarError as error:
-            raise SegarError(f"layer {i} ({layer.kind}): {error}") from None
     return tuple(shapes)
