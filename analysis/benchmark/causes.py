@@ -30,7 +30,7 @@ def causes_in(episodes: pd.DataFrame) -> pd.DataFrame:
             level, twin = (np.asarray(one, np.float64) for one in (on_level.loc[on_twin.index], on_twin))
             differs = played.startswith(TWIN)
             group = played.removeprefix(TWIN if differs else CONTROL)
-            lines.append({"suite": name, "seed": seed, **Cause.of_levels(group, "", differs, level, twin).row()})
+            lines.append({"suite": name, "seed": seed, **Cause.of_levels(group, differs, level, twin).row()})
     return pd.DataFrame(lines)
 
 

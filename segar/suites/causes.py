@@ -29,7 +29,7 @@ class Cause:
     """What one group of factors has to do with the failures of a policy; shares of test levels that have a twin in it.
 
     Attributes:
-        group, says: of :class:`segar.suites.Twin`. differs: whether training and test differ in it.
+        group: of :class:`segar.suites.Twin`. differs: whether training and test differ in it.
         twins: how many levels have a twin.
         success_level, success_twin: success on these levels, and on their twins.
         effect: ``success_twin - success_level`` with its interval over levels, paired: what the policy gains where this group
@@ -40,7 +40,6 @@ class Cause:
     """
 
     group: str
-    says: str
     differs: bool
     twins: int
     success_level: float
@@ -50,7 +49,7 @@ class Cause:
     attributed: Interval
 
     @classmethod
-    def of_levels(cls, group: str, says: str, differs: bool, level: np.ndarray, twin: np.ndarray) -> Cause:
+    def of_levels(cls, group: str, differs: bool, level: np.ndarray, twin: np.ndarray) -> Cause:
         """The figures of a group, from the success on each level that has a twin, and on the twin; float ``(n,)`` in [0, 1]."""
         failed = 1.0 - level
         share, number = float("nan"), float(failed.sum())
@@ -60,7 +59,7 @@ class Cause:
             low, high = wilson_interval(share, max(1, round(number)))
             ends = float(low), float(high)
         return cls(
-            group, says, differs, len(level),
+            group, differs, len(level),
             _mean(level), _mean(twin), mean_of_levels(twin - level, -1.0, 1.0), number, Interval(share, *ends),
         )  # fmt: skip
 
@@ -70,7 +69,7 @@ class Cause:
         for name, value in vars(self).items():
             if isinstance(value, Interval):
                 found |= {name: value.value, f"{name}_low": value.low, f"{name}_high": value.high}
-            elif name != "says":
+            else:
                 found[name] = value
         return found
 
@@ -93,7 +92,7 @@ class Causes(ShownInNotebooks):
         """The figures of a group; raises :class:`SuiteError` where there is none."""
         one = self.twins[group]
         success = (played[one.found] for played in (self.on_levels, self.on_twins[group]))
-        return Cause.of_levels(group, one.says, one.differs, *success)
+        return Cause.of_levels(group, one.differs, *success)
 
     def causes(self) -> tuple[Cause, ...]:
         """The figures of all groups, those in which training and test differ first."""
