@@ -108,14 +108,6 @@ class TorchRLEnv(EnvBase):
         """A copy of everything that decides how the episodes go on; see :meth:`segar.envs.VectorEnv.state`."""
         return self.vector_env.state()
 
-    def replace_levels(self, indices: Any, levels: Levels) -> None:
-        """Take other levels for the episodes that begin from now on; see :meth:`segar.envs.VectorEnv.replace_levels`."""
-        self.vector_env.replace_levels(indices, levels)
-
-    def set_level_weights(self, weights: Any) -> None:
-        """Draw levels with these weights from now on; see :meth:`segar.envs.VectorEnv.set_level_weights`."""
-        self.vector_env.set_level_weights(weights)
-
     def restore(self, snapshot: Snapshot, pool: LevelPool | None = None) -> TensorDict:
         """Go on from a snapshot, on the levels of a pool where one is given; return the entries of a reset, about the episodes
         that run in the snapshot."""

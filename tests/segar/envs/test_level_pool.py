@@ -178,7 +178,7 @@ def test_all_interfaces_take_levels_and_weights(kind):
         if kind == "sb3":
             env.env_method(name, *given)
         else:
-            getattr(env, name)(*given)
+            getattr(env.vector_env if kind == "torchrl" else env, name)(*given)
     seen = env.reset()["observation" if kind == "torchrl" else 0]
     np.testing.assert_array_equal(np.ravel(seen), make(OTHERS[:1], 1).reset()[0].ravel())
 
