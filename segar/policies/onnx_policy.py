@@ -1,6 +1,6 @@
 """Policies in ONNX files, as other frameworks export them, played by onnxruntime."""
 
-from os import PathLike
+from os import PathLike, devnull
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from segar.errors import SegarError
 from segar.policies.network_policy import Environments
 from segar.support import content_of, need
 
+ELSEWHERE = "session.model_external_initializers_file_folder_path"
 DTYPES = {"tensor(float)": np.dtype(np.float32), "tensor(uint8)": np.dtype(np.uint8)}
 
 
@@ -36,6 +37,7 @@ class OnnxPolicy:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4  # what goes wrong is an error, and told by it
+        options.add_session_config_entry(ELSEWHERE, devnull)  # so that weights in other files are not found
         content = content_of(self.path, "ONNX file", SegarError)
         try:
             self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
@@ -49,10 +51,11 @@ class OnnxPolicy:
             )
         for one in (*inputs, *outputs):
             known = [*DTYPES][: 2 if one is inputs[0] else 1]
-            if one.type not in known or len(one.shape) < 2 or isinstance(one.shape[0], int):
+            free = [axis for axis, size in enumerate(one.shape) if not isinstance(size, int)]
+            if one.type not in known or len(one.shape) < 2 or 0 not in free or (one in inputs and free != [0]):
                 raise self._misfit(
                     f"'{one.name}' is {one.type} of shape {one.shape}; it must be {' or '.join(known)} of shape (n, ...), where"
-                    " any n will do: export it with a dynamic first axis"
+                    " any n will do: export it with a dynamic first axis, and no other one of an input"
                 )
         self._names = [one.name for one in inputs]
         self.dtype, self.observation_shape = DTYPES[inputs[0].type], tuple(inputs[0].shape[1:])
@@ -71,16 +74,14 @@ class OnnxPolicy:
             raise self._misfit(
                 f"it reads observations {self.dtype} of shape (n, *{self.observation_shape}), not {given}"
             )
-        found = self._run([observations, self._memory][: len(self._names)])
+        given = dict(zip(self._names, (observations, self._memory), strict=False))
+        try:
+            found: Any = self._session.run(None, given)
+        except Exception as error:  # as above
+            raise self._misfit(f"it cannot be played with {len(observations)} environments: {error}") from error
         if self._width:
             self._memory = found[1]
         return found[0]
-
-    def _run(self, given: list[np.ndarray]) -> Any:
-        try:
-            return self._session.run(None, dict(zip(self._names, given, strict=True)))
-        except Exception as error:  # as above
-            raise self._misfit(f"it cannot be played with {len(given[0])} environments: {error}") from error
 
     def _misfit(self, problem: str) -> SegarError:
         return SegarError(f"{self.path}: {problem}")

@@ -6,6 +6,7 @@ import numpy as np
 import onnx
 import pytest
 from onnx import TensorProto
+from onnx.external_data_helper import set_external_data
 
 import segar
 from segar.errors import SegarError
@@ -61,9 +62,24 @@ def test_what_is_no_such_model_is_named(tmp_path):
             OnnxPolicy(tmp_path / "p.onnx")(wrong)
 
 
-def test_a_model_reads_no_other_file(tmp_path):
-    linear(tmp_path / "whole.onnx", (300,))
-    model = onnx.load(tmp_path / "whole.onnx")
-    onnx.save(model, tmp_path / "p.onnx", save_as_external_data=True, location="weights", size_threshold=0)
+@pytest.mark.parametrize("place", ["weights", "../{folder}/weights", "{path}/weights"])
+def test_a_model_reads_no_other_file_not_even_one_in_the_working_folder(tmp_path, monkeypatch, place):
+    linear(tmp_path / "p.onnx", (300,))
+    model = onnx.load(tmp_path / "p.onnx")
+    (weight,) = (one for one in model.graph.initializer if one.name == "weight")
+    (tmp_path / "weights").write_bytes(weight.raw_data)
+    set_external_data(weight, place.format(folder=tmp_path.name, path=tmp_path))
+    weight.ClearField("raw_data")
+    (tmp_path / "p.onnx").write_bytes(model.SerializeToString())
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(SegarError, match=r"p\.onnx is no ONNX model"):
+        OnnxPolicy(tmp_path / "p.onnx")
+
+
+def test_a_memory_whose_size_is_open_is_refused(tmp_path):
+    linear(tmp_path / "p.onnx", (3,), memory=4)
+    model = onnx.load(tmp_path / "p.onnx")
+    model.graph.input[1].type.tensor_type.shape.dim[1].dim_param = "w"
+    onnx.save(model, tmp_path / "p.onnx")
+    with pytest.raises(SegarError, match=r"'memory' is .* no other one of an input"):
         OnnxPolicy(tmp_path / "p.onnx")
