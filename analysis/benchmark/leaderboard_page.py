@@ -186,7 +186,7 @@ def chance_text(table: pd.DataFrame, members: Sequence[str]) -> str:
 def repetition_tables(learners: pd.DataFrame, found: Generalizability) -> dict[str, str]:
     """Variance components, how many seeds and suites name the winner, and how often intervals hold the truth."""
     whole = sum(found.components.values())
-    shares = [[name, number(one, 4), f"{one / whole:.0%}"] for name, one in found.components.items()]
+    shares = [[name, number(one, 4), f"{one / (whole or 1.0):.0%}"] for name, one in found.components.items()]
     needed = [[str(seeds), str(found.suites_needed(seeds) or f"more than {MOST_SUITES}")] for seeds in SEEDS]
     sd = found.components["run"] ** 0.5
     means = [float(one[DRAWN].to_numpy().mean()) for _, one in learners.groupby("suite", dropna=False)]

@@ -13,7 +13,7 @@ from statsmodels.stats.anova import anova_lm
 
 from segar.analysis.stats.association import holm
 from segar.analysis.stats.correlation import why_not
-from segar.analysis.stats.estimate import Estimate, difference, mean_of_replicates
+from segar.analysis.stats.estimate import ROUNDING, Estimate, difference, mean_of_replicates
 from segar.analysis.tables import Floats
 
 FEWEST_SEEDS = 5  # that a row needs for a place
@@ -83,7 +83,10 @@ class Generalizability:
 
 def generalizability(table: pd.DataFrame, value: str, method: str, suite: str, seed: str) -> Generalizability | None:
     """The variance components of a table with one line for each method, suite and seed, by the mean squares of its analysis of
-    variance; None where there are not two of each, some have no line or no value, or all values are one."""
+    variance; None where there are not two of each, some have no line or no number, or all values are one.
+
+    What rounding leaves of a component is 0, and so is the coefficient of methods that do not differ.
+    """
     counts = [len(set(table[one])) for one in (method, suite, seed)]
     methods, suites, seeds = counts
     has_all = len(table[[method, suite, seed]].drop_duplicates()) == len(table) == methods * suites * seeds
@@ -91,6 +94,7 @@ def generalizability(table: pd.DataFrame, value: str, method: str, suite: str, s
         return None
     data = pd.DataFrame({"y": table[value], "m": table[method], "s": table[suite], "k": table[seed].astype(str)})
     squares = anova_lm(ols("y ~ C(m) * C(s) + C(s):C(k)", data).fit())
+    squares.loc[squares["sum_sq"] <= ROUNDING * (data["y"] ** 2).sum(), "sum_sq"] = 0.0
     of = (squares["sum_sq"] / squares["df"]).to_dict()
     m, s, ms, k, e = (float(of[name]) for name in ("C(m)", "C(s)", "C(m):C(s)", "C(s):C(k)", "Residual"))
     components = {

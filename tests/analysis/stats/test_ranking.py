@@ -53,6 +53,16 @@ def test_methods_that_are_alike_have_no_winner_and_methods_far_apart_need_few_su
     assert generalizability(planted(rng).iloc[1:], "y", "m", "s", "k") is None, "one number is missing"
 
 
+def test_methods_that_do_not_differ_have_the_coefficient_zero_and_a_number_that_is_missing_is_no_number():
+    for value in (0.1, 0.5):
+        table = planted(np.random.default_rng(0), 3, 2, 2).assign(y=value)
+        found = generalizability(table.assign(y=table["y"] + 0.1 * table["s"]), "y", "m", "s", "k")
+        assert found is not None and found.components["method"] == found.coefficient.estimate == 0
+        assert np.isnan(found.coefficient.high) and found.suites_needed(5) is None
+    table.loc[0, "y"] = np.nan
+    assert generalizability(table, "y", "m", "s", "k") is None
+
+
 def test_rows_that_no_test_separates_share_their_places():
     rng = np.random.default_rng(0)
     values = pd.DataFrame(rng.normal(0, 0.02, (10, 4)) + np.array([0.5, 0.5, 0.6, 0.1]), columns=list("abcd"))
