@@ -44,7 +44,7 @@ run to one row.
 import dataclasses
 import sys
 import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -54,7 +54,7 @@ from omegaconf import DictConfig
 from segar.cli import table
 from segar.experiments.benchmarking.drawn import DrawTask, draw_piece
 from segar.experiments.benchmarking.panel import PANEL, PanelTask, network_for, play_panel, read_panel
-from segar.experiments.benchmarking.players import PlayerTask, action_file, make_piece
+from segar.experiments.benchmarking.players import PlayerTask, action_file, make_piece, onnx_file
 from segar.experiments.benchmarking.protocol import ALL, PLAYERS, REFERENCES, piece_name, row_folder, suites_named
 from segar.experiments.benchmarking.row import (
     DRAWN,
@@ -160,7 +160,7 @@ def missing(config: BenchmarkConfig, method: Method) -> list[Key]:
     left = lacking(config, {(one.suite, one.suite_hash, one.seed) for one in pieces})
     asked = {(name, seed) for name in config.chosen_suites() for seed in config.all_seeds()} - {*left}
     for piece in (one for one in pieces if (one.suite, one.seed) in asked and config.run.stale != "keep"):
-        changed = made_otherwise(config, piece)
+        changed = made_otherwise(config, piece, there.files if there else {})
         if changed and config.run.stale == "refuse":
             raise RunFolderError(
                 f"row {method.name}: {piece.suite}, seed {piece.seed}, was made by other files than today's; changed since:"
@@ -171,13 +171,19 @@ def missing(config: BenchmarkConfig, method: Method) -> list[Key]:
     return sorted(left)
 
 
-def made_otherwise(config: BenchmarkConfig, piece: Piece) -> list[str]:
-    """The user's own files, of code or of actions, that are others than those that a piece was made by."""
-    changed = differing_parts(piece.made_with.get("code", {}), {})
-    path = action_file(Path(config.actions), piece.suite, piece.seed) if config.actions else None
-    if path is not None and path.exists() and file_hash(path) != piece.made_with.get("actions"):
-        changed.append(str(path))
-    return changed
+def made_otherwise(config: BenchmarkConfig, piece: Piece, files: Mapping[str, str]) -> list[str]:
+    """The user's own files, of code, actions or a model, that are others than those that a piece was made by.
+
+    Args:
+        files: the hashes of the row's files.
+    """
+    if config.actions:
+        path, known = action_file(Path(config.actions), piece.suite, piece.seed), piece.made_with.get("actions")
+    elif config.is_onnx:
+        path, known = onnx_file(Path(config.policy), piece.suite, piece.seed), files[piece.file]
+    else:
+        return differing_parts(piece.made_with.get("code", {}), {})
+    return [str(path)] if path.exists() and file_hash(path) != known else []
 
 
 def lacking(config: BenchmarkConfig, known: Collection[tuple[str, str, int]]) -> list[Key]:
@@ -193,7 +199,8 @@ def references_of(config: BenchmarkConfig) -> Iterator[BenchmarkConfig]:
         left = lacking(config, {(one.suite, one.suite_hash, one.seed) for row in rows for one in row.pieces})
         if left:
             names = tuple(dict.fromkeys(name for name, _ in left))
-            yield dataclasses.replace(config, player=player, policy="", actions="", row="", suites=names)
+            other = {"policy": "", "actions": "", "privileged": False, "row": ""}
+            yield dataclasses.replace(config, player=player, suites=names, **other)
 
 
 def make_again(config: BenchmarkConfig) -> None:
@@ -354,9 +361,8 @@ def draw_row(config: BenchmarkConfig, row: Row) -> None:
 def make_panel(config: BenchmarkConfig) -> None:
     """Plays the panel on each suite, prints it, and makes the page beside it; raises :class:`TrainingError` where it is red."""
     rows = [read_row(path.parent) for place in config.places for path in sorted(place.glob(f"*/{ROW}"))]
-    chosen = config.chosen_suites()
     place = runs_root(config.run) / f"{ROWS}_panel"
-    tasks = [PanelTask(name, network_for(name, rows), place / f"{name}.json") for name in chosen]
+    tasks = [PanelTask(name, network_for(name, rows), place / f"{name}.json") for name in config.chosen_suites()]
     if config.dry_run:
         print(f"about {in_minutes(PANEL_SECONDS * len(tasks) / (config.processes or cores()))}")
         return

@@ -62,9 +62,7 @@ def make_piece(task: PlayerTask) -> None:
     if task.method.kind == "player":
         file, episodes = "", play_player(player, of, sets, task.seed)
     elif task.method.kind == "onnx":
-        given, file = Path(task.policy), MODEL
-        if given.is_dir():
-            given /= f"{piece_name(task.suite, task.seed)}{ONNX}"
+        given, file = onnx_file(Path(task.policy), task.suite, task.seed), MODEL
         write_bytes(task.folder / file, content_of(given, "ONNX file", RunFolderError))
         episodes = play_file(task.folder / file, of, task.method, sets, task.seed)
     else:
@@ -82,6 +80,11 @@ def make_piece(task: PlayerTask) -> None:
 def action_file(folder: Path, suite: str, seed: int) -> Path:
     """The file of actions of a suite with a seed: ``<suite>-s<seed>.npz``."""
     return folder / f"{piece_name(suite, seed)}.npz"
+
+
+def onnx_file(given: Path, suite: str, seed: int) -> Path:
+    """The ONNX file of a suite with a seed: that file, or ``<suite>-s<seed>.onnx`` in that folder."""
+    return given / f"{piece_name(suite, seed)}{ONNX}" if given.is_dir() else given
 
 
 def actions_of(

@@ -21,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from segar.experiments.benchmarking.protocol import PROTOCOL
+from segar.experiments.benchmarking.protocol import PLAYERS, PROTOCOL
 from segar.experiments.runs.files import read_json, read_table, replacing, write_text
 from segar.experiments.runs.run_folder import differences, write_json
 from segar.experiments.runs.trust import settings_of_file
@@ -55,7 +55,7 @@ TRAINED = (*PLAYED, "algorithm", "curriculum", "determinism", "task", "trials")
 """The settings by which a row is made again; none says where files lie."""
 LEVEL = (*KEYS, "levels", "level")
 LEVEL_MEANS = pa.schema([*(EPISODES.field(name) for name in (*LEVEL, "return")), ("success", pa.float64())])
-NAME = re.compile(r"[\w.+-][\w .+-]{0,99}")
+NAME = re.compile(r"[\w+-][\w .+-]{0,99}")
 """What the names of rows are made of: they name folders, and stand in pages."""
 FORM = {
     "format": int,
@@ -126,15 +126,10 @@ class Drawn:
     episodes: str
 
     @property
-    def success(self) -> float:
-        """The share of the levels that the method solved."""
-        return self.solved / self.count
-
-    @property
     def corrected(self) -> float:
         """Success corrected for chance: 0 is that of random play, 1 the planner's."""
         chance = self.random / (self.count * RANDOM_PLAYS)
-        return (self.success - chance) / (self.planner / self.count - chance)
+        return (self.solved / self.count - chance) / (self.planner / self.count - chance)
 
 
 @dataclass(frozen=True)
@@ -270,6 +265,8 @@ def _check_drawn(path: Path, data: Mapping[str, Any], drawn: Sequence[Drawn]) ->
     """Raises :class:`RunFolderError` where drawn levels are of another protocol, of other pieces, or come to no numbers."""
     if not drawn:
         return
+    if data["kind"] == "actions" and "policy" not in data["settings"]:
+        raise RunFolderError(f"{path}: drawn: recorded actions, without a policy, are played on no drawn levels")
     if data.get("protocol") != PROTOCOL:
         raise RunFolderError(
             f"{path}: its levels were drawn by protocol {data.get('protocol')}, and this version plays protocol {PROTOCOL};"
@@ -307,11 +304,11 @@ def _checked(path: Path, schema: pa.Schema, pieces: Sequence[Piece]) -> pa.Table
         if table[one.name].null_count or (is_number and not np.isfinite(table[one.name]).all()):
             raise RunFolderError(f"{path}: some values in the column '{one.name}' are absent or not finite")
     there = {tuple(one.values()) for one in table.group_by([*KEYS, "levels"]).aggregate([]).to_pylist()}
-    for piece in pieces:
-        if lacking := [name for name in piece.levels if (piece.suite, piece.seed, name) not in there]:
-            raise RunFolderError(
-                f"{path}: there are no episodes of {piece.suite}, seed {piece.seed}, on its levels '{lacking[0]}'"
-            )
+    stated = {(one.suite, one.seed, name) for one in pieces for name in one.levels}
+    tests = {(one.suite, one.seed, "test") for one in pieces}
+    for name, seed, levels in sorted(there ^ stated | tests - there):
+        which = f"episodes, which {ROW} does not state," if (name, seed, levels) in there else "no episodes"
+        raise RunFolderError(f"{path}: there are {which} of {name}, seed {seed}, on its levels '{levels}'")
     return table
 
 
@@ -322,6 +319,10 @@ def _description(path: Path) -> dict[str, Any]:
     if not NAME.fullmatch(data["name"]):
         raise RunFolderError(
             f"{path}: name: {shown(data['name'])} is none; it must be of letters, digits, spaces and _ . + -"
+        )
+    if (data["kind"] == "player") != (data["name"] in PLAYERS):
+        raise RunFolderError(
+            f"{path}: rows of players, and no others, are called {', '.join(PLAYERS)}; name: {data['name']}"
         )
     if any(not 0 <= one["made_with"] < len(data["made_with"]) for one in data["pieces"]):
         raise RunFolderError(f"{path}: a piece was made with what made_with does not list")

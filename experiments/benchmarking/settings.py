@@ -56,15 +56,19 @@ class BenchmarkConfig:
     def __post_init__(self) -> None:
         require_known("budget", self.budget, BUDGETS)
         require(self.processes >= 0, "processes", self.processes, "0 or more")
-        require(self.policy_seconds > 0, "policy_seconds", self.policy_seconds, "above 0")
+        require(0 < self.policy_seconds <= 1e6, "policy_seconds", self.policy_seconds, "above 0, and at most 1e6")
         require(not self.salt or bool(self.verify), "salt", self.salt, "given beside verify=ROW")
         if self.player:
             require_known("algorithm", self.player, PLAYERS)
-        given = [name for name in ("player", "policy", "actions") if getattr(self, name)]
-        require(len(given) < 2, given[-1] if given else "", given, "one of algorithm, policy and actions")
-        own = f"left out, or {self.player}: the rows of players have their names"
-        require(not self.player or self.row in ("", self.player), "row", self.row, own)
-        if (self.policy or self.actions) and not self.row:
+        for names in (("player", "policy", "actions"), ("verify", "again", "panel", "table")):
+            given = [name for name in names if getattr(self, name)]
+            one = f"one of {', '.join(names).replace('player', 'algorithm')}"
+            require(len(given) < 2, given[-1] if given else "", given, one)
+        is_foreign = bool(self.policy or self.actions)
+        require(is_foreign or not self.privileged, "privileged", True, "given beside policy or actions")
+        own = f"{self.player or 'another name'}: the rows of players have their names, and no others do"
+        require(self.row in ("", self.player) if self.player else self.row not in PLAYERS, "row", self.row, own)
+        if is_foreign and not self.row:
             raise ConfigError("row: name the row of a method that was trained elsewhere: row=NAME")
         require(bool(suites_named(self.suites)), "suite", "[]", "a suite, or several")
         own_name = "a name of letters, digits, spaces and _ . + -, without folders: rows=FOLDER says where"
@@ -113,19 +117,15 @@ def method_of(config: BenchmarkConfig) -> Method:
     run = config.trained_run()
     if config.player:
         return Method(config.row or config.player, "player", PLAYERS[config.player])
+    settings: dict[str, Any] = {"privileged": True} if config.privileged else {}
     if config.actions:
-        return Method(config.row, "actions", "actions of a method that was trained elsewhere")
-    seen = {"name": run.observation.name, "options": dict(run.observation.options)}
-    if config.is_onnx:
-        return Method(
-            config.row, "onnx", f"ONNX, trained elsewhere, on {run.observation.name}", settings={"observation": seen}
-        )
+        return Method(config.row, "actions", "actions of a method that was trained elsewhere", settings=settings)
     if config.policy:
-        says = f"{config.policy}, trained elsewhere, on {run.observation.name}"
-        settings: dict[str, Any] = {"observation": seen, "policy": config.policy}
-        return Method(
-            config.row, "actions", says, settings=settings | ({"privileged": True} if config.privileged else {})
-        )
+        settings |= {"observation": {"name": run.observation.name, "options": dict(run.observation.options)}}
+        if not config.is_onnx:
+            settings |= {"policy": config.policy}
+        says = f"{'ONNX' if config.is_onnx else config.policy}, trained elsewhere, on {run.observation.name}"
+        return Method(config.row, "onnx" if config.is_onnx else "actions", says, settings=settings)
     settings = settings_of(run, config.training_levels)
     curriculum = [] if run.curriculum is None else [run.curriculum.name]
     name = "-".join([run.algorithm.name, *curriculum, run.observation.name, config.budget])

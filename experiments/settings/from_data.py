@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from segar.errors import did_you_mean
 from segar.experiments.settings.algorithms import NAMES_OF_CLASS, algorithm_class
-from segar.experiments.settings.checks import check_value, hints_of, path_of
+from segar.experiments.settings.checks import check_value, hints_of, path_of, require
 from segar.experiments.settings.curricula import curriculum_class
 from segar.experiments.settings.errors import ConfigError
 from segar.experiments.settings.own_code import add_module_path, without_files
@@ -39,8 +39,7 @@ def run_config(data: Mapping[str, Any]) -> RunConfig:
 
 def _of_class(settings: Any, group: str, class_of: Callable[[Mapping[str, Any]], type[Any] | None]) -> Any:
     """The settings of a group, of the class that they name; None where they name none."""
-    if not isinstance(settings, Mapping):
-        raise ConfigError(f"{group}: {settings!r} is not a group of settings")
+    require(isinstance(settings, Mapping), group, settings, "a group of settings")
     cls = class_of(settings)
     own = {key: value for key, value in settings.items() if key not in NAMES_OF_CLASS}
     return None if cls is None else construct(cls, own, group)
@@ -55,6 +54,7 @@ def construct(cls: type[T], data: Mapping[str, Any], place: str, **ready: Any) -
     Raises:
         ConfigError: a name, type or value is wrong; the message has the setting's dotted path, which begins with ``place``.
     """
+    require(isinstance(data, Mapping), place, data, "a group of settings")
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
     hints = typing.get_type_hints(cls)
     values = dict(ready)

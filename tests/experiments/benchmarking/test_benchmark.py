@@ -138,9 +138,31 @@ def test_returns_that_are_no_numbers_are_refused_by_file_and_column(idle, value)
 
 
 def test_texts_that_no_page_should_show_are_refused_by_their_names(idle):
-    for name in ("../x", "<b>", "a|b", ""):
+    for name in ("../x", "..", "<b>", "a|b", ""):
         with pytest.raises(RunFolderError, match=r"row\.json: name: "):
             edited(idle, name=name)
+
+
+@pytest.mark.parametrize("changes", [{"name": "mine"}, {"kind": "onnx"}, {"name": "oracle", "kind": "player"}])
+def test_only_players_make_the_rows_that_others_are_measured_by(tmp_path, idle, changes):
+    with pytest.raises(RunFolderError, match=r"row\.json: rows of players, and no others, are called idle, random,"):
+        edited(idle, **changes)
+    with pytest.raises(ConfigError, match="row: 'planner' is not allowed; it must be another name"):
+        config_of(tmp_path, policy="a:b", row="planner")
+
+
+def test_a_row_states_the_levels_of_all_of_its_episodes_and_has_a_test(idle):
+    piece = json.loads((idle.folder / ROW).read_text())["pieces"][0]
+    for side in ("train", "test"):
+        levels = {name: one for name, one in piece["levels"].items() if name != side}
+        with pytest.raises(
+            RunFolderError, match=f"episodes, which row.json does not state, of {SUITE}, seed 1, .*{side}"
+        ):
+            edited(idle, pieces=[{**piece, "levels": levels}]).results()
+    table = pq.read_table(idle.folder / TABLE)
+    pq.write_table(table.slice(0, 0), idle.folder / TABLE)
+    with pytest.raises(RunFolderError, match=f"no episodes of {SUITE}, seed 1, on its levels 'test'"):
+        verify(edited(idle, pieces=[{**piece, "levels": {}}], files={TABLE: file_hash(idle.folder / TABLE)}))
 
 
 def test_a_changed_episode_is_found_and_named_though_all_hashes_were_made_to_fit(idle):
@@ -155,7 +177,7 @@ def test_another_version_of_a_suite_or_other_training_levels_are_refused(idle):
         verify(edited(row, pieces=[{**piece, "suite_hash": "0000"}]))
     with pytest.raises(RunFolderError, match="the train levels of place-few-v1 with seed 1 are not those"):
         verify(edited(row, pieces=[{**piece, "levels": {**piece["levels"], "train": "0000"}}]))
-    with pytest.raises(RunFolderError, match="there are no episodes of place-few-v7, seed 1, on its"):
+    with pytest.raises(RunFolderError, match="does not state, of place-few-v1, seed 1, on its"):
         verify(edited(row, pieces=[{**piece, "suite": "place-few-v7"}]))
 
 
@@ -171,14 +193,14 @@ def test_a_row_of_somebody_else_imports_nothing_without_trust(tmp_path, idle, na
         {"task": seen},
         {"algorithm": {"_target_": seen["name"].replace(":", ".")}},
     ):
-        hostile = edited(idle, kind="networks", settings=settings)
+        hostile = edited(idle, name="mine", kind="networks", settings=settings)
         for made in (verify, lambda row: again(config_of(tmp_path), row))["observation" not in settings :]:
             with pytest.raises(
                 RunFolderError, match=r"row.json was not written by you .* \(settings\.\w+\.(name|_target_)\)"
             ):
                 made(hostile)
     assert not (tmp_path / "imported").exists()
-    trusted = edited(idle, kind="networks", settings={"observation": {"name": f"{LAB}:policy"}})
+    trusted = edited(idle, name="mine", kind="networks", settings={"observation": {"name": f"{LAB}:policy"}})
     (found,) = again(config_of(tmp_path, trust=True), trusted)
     assert found.run.observation.name == f"{LAB}:policy"
 
@@ -192,10 +214,19 @@ def test_a_row_says_nothing_of_where_runs_lie(tmp_path, idle):
 def test_a_policy_in_onnx_is_carried_and_plays_to_the_bit_without_trust(tmp_path, few_drawn):
     env = VectorEnv(num_envs=1, **side_options(suite(SUITE), "test"))
     linear(tmp_path / "mine.onnx", env.single_observation_space.shape)
-    row = row_made_here(config_of(tmp_path, policy=str(tmp_path / "mine.onnx"), row="mine"))
+    config = config_of(tmp_path, policy=str(tmp_path / "mine.onnx"), row="mine")
+    row = row_made_here(config)
+    assert not missing(config, method_of(config))
+    (tmp_path / "mine.onnx").write_bytes(b"another model")
+    with pytest.raises(RunFolderError, match=r"was made by other files than today's; changed since: .*mine\.onnx"):
+        missing(config, method_of(config))
     (tmp_path / "mine.onnx").unlink()
     row = drawn_here(row)
     assert verify(row) == len(row.episodes()) + few_drawn and verify(row, salt="words")
+    with pytest.raises(
+        RunFolderError, match=r"row\.json: observation: \[\] is not allowed; it must be a group of settings"
+    ):
+        verify(edited(row, settings={"observation": []}))
     (row.folder / f"{SUITE}-s1.onnx").write_bytes(b"other weights")
     with pytest.raises(RunFolderError, match=rf"{SUITE}-s1\.onnx is not what the row was made of"):
         read_row(row.folder)
@@ -296,7 +327,10 @@ def test_recorded_actions_are_practice_alone_and_a_policy_must_be_the_one_that_w
     mine = drawn_here(row_made_here(config_of(tmp_path, policy=f"{LAB}:policy", row="mine")))
     said = []
     assert verify(mine, say=said.append) == 225 and "its policy is code, which trust=true runs" in said[-1]
-    assert verify(mine, trusted=(EVERYTHING,)) == 225 + few_drawn
+    assert not is_verified(mine), "its drawn levels were not played"
+    assert verify(mine, trusted=(EVERYTHING,)) == 225 + few_drawn and is_verified(mine)
+    with pytest.raises(RunFolderError, match=r"row\.json: drawn: recorded actions, without a policy"):
+        edited(mine, settings={"observation": mine.method.settings["observation"]})
     fickle = row_made_here(config_of(tmp_path, policy=f"{LAB}:fickle", row="fickle"))
     with pytest.raises(ConfigError, match=f"{LAB}:fickle acts otherwise on the practice levels of {SUITE} with seed 1"):
         drawn_here(fickle)
@@ -357,12 +391,23 @@ def few_drawn(monkeypatch):
 def test_a_method_from_outside_needs_a_name_and_methods_exclude_each_other(tmp_path):
     with pytest.raises(ConfigError, match="row: name the row"):
         config_of(tmp_path, policy="a:b")
-    with pytest.raises(ConfigError, match="one of algorithm, policy and actions"):
+    with pytest.raises(ConfigError, match="one of algorithm, policy, actions"):
         config_of(tmp_path, player="idle", policy="a:b", row="mine")
     with pytest.raises(ConfigError, match="algorithm: policy is of a method that was trained elsewhere"):
         with_names(["algorithm=sac", "policy=a:b", "row=mine"])
-    with pytest.raises(ConfigError, match=r"row: .*without folders"):
-        config_of(tmp_path, policy="a:b", row="mine/first")
+    for name in ("mine/first", ".", ".."):
+        with pytest.raises(ConfigError, match=r"row: .*without folders"):
+            config_of(tmp_path, policy="a:b", row=name)
+    with pytest.raises(ConfigError, match=r"again: .* one of verify, again, panel, table"):
+        config_of(tmp_path, verify=("mine",), again=("mine",))
+    with pytest.raises(ConfigError, match="policy_seconds: inf is not allowed"):
+        config_of(tmp_path, policy="a:b", row="mine", policy_seconds=float("inf"))
+    with pytest.raises(ConfigError, match="privileged: True is not allowed"):
+        config_of(tmp_path, privileged=True)
+    for given in ({"policy": "a:b"}, {"policy": "a.onnx"}, {"actions": "a"}):
+        declared = config_of(tmp_path, row="mine", privileged=True, **given)
+        assert method_of(declared).settings["privileged"] is True
+        assert not any(one.privileged for one in references_of(declared))
     with pytest.raises(ConfigError, match="suite"):
         config_of(tmp_path, suites=())
 
