@@ -51,6 +51,7 @@ def test_what_is_no_such_model_is_named(tmp_path):
     refused("'observation' is .*dynamic", rows=4)
     refused("'observation' is tensor.double", dtype=TensorProto.DOUBLE)
     refused("'observation' is .* of shape ..n..", shape=())
+    refused("'memory' is .* no other one of an input", memory="w")
     (tmp_path / "p.onnx").write_bytes(b"\x08\x01 nothing of the kind")
     with pytest.raises(SegarError, match=r"p\.onnx is no ONNX model"):
         OnnxPolicy(tmp_path / "p.onnx")
@@ -73,13 +74,4 @@ def test_a_model_reads_no_other_file_not_even_one_in_the_working_folder(tmp_path
     (tmp_path / "p.onnx").write_bytes(model.SerializeToString())
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SegarError, match=r"p\.onnx is no ONNX model"):
-        OnnxPolicy(tmp_path / "p.onnx")
-
-
-def test_a_memory_whose_size_is_open_is_refused(tmp_path):
-    linear(tmp_path / "p.onnx", (3,), memory=4)
-    model = onnx.load(tmp_path / "p.onnx")
-    model.graph.input[1].type.tensor_type.shape.dim[1].dim_param = "w"
-    onnx.save(model, tmp_path / "p.onnx")
-    with pytest.raises(SegarError, match=r"'memory' is .* no other one of an input"):
         OnnxPolicy(tmp_path / "p.onnx")
