@@ -102,7 +102,7 @@ def track_row(
 
 
 def numbers_of(name: str, table: pd.DataFrame, board: pd.DataFrame) -> dict[str, float]:
-    """``drawn/<axis>``, ``score/<axis>``, ... of a row, and its means on each suite over seeds, such as ``regret/place-few-v1``;
+    """``drawn/<axis>``, ``score/<axis>``, ... of a row, its means on each suite over seeds, such as ``regret/place-few-v1``;
     the axis ``all`` is the mean of all but textures."""
     found = {
         f"{line['quantity']}/{line['axis']}": line["estimate"] for line in select(board, row=name).to_dict("records")
