@@ -8,7 +8,7 @@ from pathlib import Path
 from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.runs.run_folder import root_folder
 from segar.experiments.settings import TrackingConfig, TrackingError, require
-from segar.experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
+from segar.experiments.tracking.mlflow_store import STORE, calling, open_client, show_views, store_uri
 from segar.experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, link
 
 HOST = "127.0.0.1"  # loopback: no other machine can reach it
@@ -57,9 +57,7 @@ def server_command(folder: Path, port: int) -> list[str]:
 def links(folder: Path, address: str) -> list[str]:
     """One line for each view of each experiment in the store of a folder, with where the server at this address shows it; adds
     missing views. Raises :class:`TrackingError`."""
-    from mlflow import MlflowClient
-
-    client = calling(MlflowClient, tracking_uri=store_uri(TrackingConfig(), folder))
+    client = open_client(store_uri(TrackingConfig(), folder))
     lines = []
     for experiment in calling(client.search_experiments):
         if experiment.name != UNUSED:

@@ -62,16 +62,14 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
     runtime.set_environment()
     for name, value in PATIENCE.items():
         os.environ.setdefault(name, value)
-    from mlflow import MlflowClient
-
     logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it logs every retry
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # it logs a traceback for each failure
     root.mkdir(parents=True, exist_ok=True)
     with locked(root, StoreBusy, OPENING, LONGEST_OPENING, ".mlflow.lock"):
         if tracking.uri is None and not (root / STORE).exists():
             with replacing(root / STORE) as beside:  # half a database could never be opened again
-                calling(MlflowClient, tracking_uri=sqlite_address(beside))
-        client = calling(MlflowClient, tracking_uri=with_password(tracking.uri or store_uri(tracking, root)))
+                open_client(sqlite_address(beside))
+        client = open_client(with_password(tracking.uri or store_uri(tracking, root)))
         found = calling(client.get_experiment_by_name, tracking.experiment)
         if found is None:
             place = None if is_server(client.tracking_uri) else (root / "mlflow-artifacts").as_uri()
@@ -79,6 +77,27 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
             found = calling(client.get_experiment, experiment)
         show_views(client, found)
         return client, found.experiment_id
+
+
+def open_client(address: str) -> Any:
+    """An ``MlflowClient`` of the store at this address; raises :class:`TrackingError`."""
+    from mlflow import MlflowClient
+
+    if scheme(address) == "sqlite":  # MLflow would try to open it ten times, for 102 s in all
+        calling(_read_schema, address)
+    return calling(MlflowClient, tracking_uri=address)
+
+
+def _read_schema(address: str) -> None:
+    """Raises what SQLAlchemy has against this address of an SQLite file."""
+    from sqlalchemy import create_engine, inspect, make_url
+
+    Path(make_url(address).database or "").parent.mkdir(parents=True, exist_ok=True)  # as MLflow does
+    engine = create_engine(address)
+    try:
+        inspect(engine).get_table_names()
+    finally:
+        engine.dispose()
 
 
 def show_views(client: Any, experiment: Any, views: Mapping[str, View] = VIEWS) -> None:
@@ -89,13 +108,15 @@ def show_views(client: Any, experiment: Any, views: Mapping[str, View] = VIEWS) 
 
 
 def calling(function: Any, *arguments: Any, **options: Any) -> Any:
-    """The function's result; an error of MLflow, its database or the disk becomes a :class:`TrackingError`."""
+    """The function's result; an error of MLflow, its database, the database's version or the disk becomes a
+    :class:`TrackingError`."""
+    from alembic.util import CommandError
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
     try:
         return function(*arguments, **options)
-    except (MlflowException, SQLAlchemyError, OSError) as error:
+    except (MlflowException, SQLAlchemyError, CommandError, OSError) as error:
         said = without_password(str(error))
         reason = without_password(first_line(error))
         kind = StoreBusy if any(word in said for word in BUSY) else TrackingError

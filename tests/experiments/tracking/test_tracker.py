@@ -229,8 +229,15 @@ def test_telemetry_is_off_and_nothing_is_asked_of_the_network(store, monkeypatch
     assert not tracker.missed
 
 
-@pytest.mark.parametrize("uri", ["sqlite:////proc/nowhere/mlflow.db", "nonsense://here"])
-def test_a_store_that_cannot_be_opened_is_told_with_the_way_out(tmp_path, uri):
+@pytest.mark.parametrize(
+    "uri", ["sqlite:////proc/nowhere/mlflow.db", "nonsense://here", "sqlite:////proc", f"sqlite:///{__file__}", "newer"]
+)
+def test_a_store_that_cannot_be_opened_is_told_at_once_with_the_way_out(tmp_path, uri, monkeypatch):
+    monkeypatch.setattr("time.sleep", None)  # MLflow waits longer and longer between ten attempts
+    if uri == "newer":
+        uri = f"sqlite:///{tmp_path}/newer.db"
+        with sqlite3.connect(tmp_path / "newer.db") as database:
+            database.execute("CREATE TABLE alembic_version AS SELECT 'of-next-year' AS version_num")
     config = RunConfig(root=str(tmp_path), tracking=TrackingConfig(uri=uri))
     assert not is_remote(uri)
     with pytest.raises(TrackingError, match=r"MLflow refuses: .*tracking=none runs without MLflow"):
