@@ -1,7 +1,7 @@
 """Several runs side by side, then their table: ``segar sweep demo``, or ``segar sweep seed=1,2,3 tracking.sweep=mine``.
 
 A name is a choice of ``conf/sweep/``, and may be followed by settings. It is ``segar train --multirun`` and then ``segar runs``
-of the runs with the same ``tracking.sweep``.
+of the runs with the same ``tracking.sweep``, or of all where none is named.
 """
 
 import sys
@@ -28,7 +28,7 @@ def main() -> None:
 
     run_command(train, announce=note)
     if made:
-        results(made[0].root, sweep=made[0].tracking.sweep)
+        results(made[0].root, sweep=made[0].tracking.sweep or None)
 
 
 if __name__ == "__main__":

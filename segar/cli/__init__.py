@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command with these arguments (default: the process's) and return its exit status."""
     escape_what_cannot_be_printed()
     if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())  # one's own modules are found as with `python -m`
+        sys.path.append(os.getcwd())  # one's own modules are found; none, such as a segar.py, hides an installed one
     given = [*(sys.argv[1:] if arguments is None else arguments)]
     name = completed_command() if given[:1] and given[0] in COMPLETION else "".join(given[:1])
     registered = entry_points(group=REGISTERED)
@@ -62,7 +62,7 @@ def completed_command() -> str:
 def run_registered(command: EntryPoint, arguments: list[str]) -> None:
     """Call the function of a command with these arguments in ``sys.argv``; raises :class:`SegarError` if packages lack."""
     if command.module.startswith("segar."):
-        need(f"segar {command.name}", "hydra", "pandas")
+        need(f"segar {command.name}", "hydra", "pandas", *(["optuna"] if command.name == "search" else []))
     sys.argv[1:] = arguments
     command.load()()
 

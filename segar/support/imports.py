@@ -206,6 +206,7 @@ EXTRAS = {
     "lab": ("mcp",),
     "onnx": ("onnxruntime",),
     "sb3": ("stable_baselines3",),
+    "search": ("optuna",),
     "studio": ("starlette", "uvicorn"),
     "train": ("yaml", "torch", "hydra", "pandas"),
 }

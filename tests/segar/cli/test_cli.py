@@ -1,8 +1,10 @@
 """The command ``segar``: what it prints, what it compiles, and what it says to a name that does not exist."""
 
+import importlib.util
 import re
 import subprocess
 import sys
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 import pytest
@@ -94,3 +96,21 @@ def test_a_task_without_a_scripted_player_says_how_to_give_it_one(capsys, tmp_pa
     said = capsys.readouterr().err
     assert "has no scripted player. Give the task demo_actions=, a function of factors" in said
     assert not list((tmp_path / "minari").rglob("*.hdf5"))
+
+
+def test_own_modules_are_found_and_hide_no_installed_one(capsys, tmp_path, monkeypatch):
+    """Processes that a command starts look for segar where this one looks."""
+    for name in ("my_world", "numpy"):
+        (tmp_path / f"{name}.py").touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [*sys.path])
+    shown(capsys, "families")
+    found = {name: Path(PathFinder.find_spec(name).origin).parent for name in ("my_world", "numpy")}
+    assert found["my_world"] == tmp_path and found["numpy"] != tmp_path
+
+
+def test_a_search_without_its_package_says_what_to_install(capsys, monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "optuna" else find(name))
+    assert cli.main(["search"]) == cli.USAGE_ERROR
+    assert "segar search needs optuna, which is not installed: pip install 'segar[search]'" in capsys.readouterr().err
