@@ -108,15 +108,15 @@ def show_views(client: Any, experiment: Any, views: Mapping[str, View] = VIEWS) 
 
 
 def calling(function: Any, *arguments: Any, **options: Any) -> Any:
-    """The function's result; an error of MLflow, its database, the database's version or the disk becomes a
-    :class:`TrackingError`."""
+    """The function's result; an error of MLflow, its database, the database's version or driver, or the disk
+    becomes a :class:`TrackingError`."""
     from alembic.util import CommandError
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
     try:
         return function(*arguments, **options)
-    except (MlflowException, SQLAlchemyError, CommandError, OSError) as error:
+    except (MlflowException, SQLAlchemyError, CommandError, ImportError, OSError) as error:
         said = without_password(str(error))
         reason = without_password(first_line(error))
         kind = StoreBusy if any(word in said for word in BUSY) else TrackingError

@@ -63,8 +63,8 @@ class MLflowTracker(Tracker):
         self.status, self.files = status, files
         self._ending.set()
         self._thread.join(LAST_WAIT)
-        if self.missed or self._thread.is_alive():
-            left = len(self.rows) - self.sync.state.sent
+        left = len(self.rows) - self.sync.state.sent
+        if self.missed or left or self._thread.is_alive():
             _warn(
                 f"MLflow at {self.sync.state.store} has not got all of this run: {left} figures are left. They are in "
                 f"the run folder; this sends them: {self.sync.command}"

@@ -244,6 +244,15 @@ def test_a_store_that_cannot_be_opened_is_told_at_once_with_the_way_out(tmp_path
         start_tracking(config, tmp_path / "run", [])
 
 
+def test_a_database_whose_driver_is_missing_ends_no_run_and_it_says_what_is_left(tmp_path, capfd):
+    tracking = TrackingConfig(uri="mysql+mysqlconnector://nobody@127.0.0.1:1/x")
+    folder = run(short_run(tmp_path / "run", root=str(tmp_path), tracking=tracking)).folder
+    said = capfd.readouterr().err
+    assert f"this sends them: segar upload run={folder}" in said and "Traceback" not in said
+    with pytest.raises(TrackingError, match="MLflow refuses: No module named 'mysql'"):
+        open_store(tracking, tmp_path)
+
+
 def test_a_disk_too_full_for_the_store_leaves_none_that_could_not_be_opened_later(tmp_path):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, before[1]))
