@@ -20,6 +20,8 @@ ENVIRONMENT = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "DO_NOT_TRACK": "true",  # MLflow does not understand "1" here
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",  # of every run, when it ends
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",  # its defaults are minutes; the tracker tries again later anyway
+    "MLFLOW_HTTP_REQUEST_TIMEOUT": "20",  # [s]
     "RL_WARNINGS": "0",  # torchrl's, about its optional C++ extension
     "RL_LOGGING_LEVEL": "WARNING",  # below, torchrl tells in colours what it allocates, in logs, too
     # OpenMP's threads sleep when they have nothing to do. By default they spin, and where other processes want the cores,

@@ -1,7 +1,6 @@
 """The MLflow store: its address, and how it is opened, by many processes at once if need be."""
 
 import logging
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,10 +24,6 @@ OPENING = "it opens MLflow's store, which only one may do at a time"
 SERVERS = ("http", "https")  # begin the addresses of MLflow's servers
 REMOTE = (*SERVERS, "postgresql", "mysql", "mssql")  # and of all stores that may be unreachable for a while
 BUSY = ("database is locked", "database table is locked", "database schema is locked")  # what SQLite says
-PATIENCE = {  # MLflow's defaults are minutes; the tracker tries again later anyway
-    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
-    "MLFLOW_HTTP_REQUEST_TIMEOUT": "20",  # [s]
-}
 
 
 class StoreBusy(TrackingError):
@@ -38,11 +33,6 @@ class StoreBusy(TrackingError):
 def store_uri(tracking: TrackingConfig, root: Path) -> str:
     """The store's address, without a password: as configured, else SQLite under ``root``, whatever the working directory."""
     return without_password(tracking.uri) if tracking.uri else sqlite_address(root / STORE)
-
-
-def is_remote(uri: str) -> bool:
-    """Whether the store at this address is on a network, and may be unreachable for a while."""
-    return scheme(uri) in REMOTE
 
 
 def is_server(uri: str) -> bool:
@@ -60,8 +50,6 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
         TrackingError: the store cannot be opened; a :class:`StoreBusy` where that may be possible later.
     """
     runtime.set_environment()
-    for name, value in PATIENCE.items():
-        os.environ.setdefault(name, value)
     logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it logs every retry
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # it logs a traceback for each failure
     root.mkdir(parents=True, exist_ok=True)
@@ -90,14 +78,18 @@ def open_client(address: str) -> Any:
 
 def _read_schema(address: str) -> None:
     """Raises what SQLAlchemy has against this address of an SQLite file."""
-    from sqlalchemy import create_engine, inspect, make_url
+    from sqlalchemy import NullPool, create_engine, inspect, make_url
 
     Path(make_url(address).database or "").parent.mkdir(parents=True, exist_ok=True)  # as MLflow does
-    engine = create_engine(address)
-    try:
-        inspect(engine).get_table_names()
-    finally:
-        engine.dispose()
+    inspect(create_engine(address, poolclass=NullPool)).get_table_names()
+
+
+def runs_with(client: Any, experiment: str, **tags: str) -> list[Any]:
+    """The runs that have these tags; raises :class:`TrackingError`. The first one holds no quotation mark: MLflow, which
+    is asked for it alone, has no way to write one."""
+    name, value = next(iter(tags.items()))
+    found = calling(client.search_runs, [experiment], f"tags.{name} = '{value}'")
+    return [run for run in found if tags.items() <= run.data.tags.items()]
 
 
 def show_views(client: Any, experiment: Any, views: Mapping[str, View] = VIEWS) -> None:
@@ -146,8 +138,7 @@ def replace_run(
         TrackingError: the store cannot be opened, or refuses.
     """
     client, experiment = open_store(tracking, root)
-    where = " and ".join(f"tags.{tag} = '{tags[tag]}'" for tag in ("kind", same))
-    for earlier in calling(client.search_runs, [experiment], where):
+    for earlier in runs_with(client, experiment, kind=tags["kind"], **{same: tags[same]}):
         calling(client.delete_run, earlier.info.run_id)
     run = calling(client.create_run, experiment, run_name=name, tags=dict(tags)).info.run_id
     for key, value in (parameters or {}).items():

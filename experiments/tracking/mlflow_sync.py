@@ -30,7 +30,7 @@ from segar.experiments.runs.run_folder import (
     write_json,
 )
 from segar.experiments.settings import RunConfig, flat, grid_point, without_password
-from segar.experiments.tracking.mlflow_store import calling, open_store, store_uri
+from segar.experiments.tracking.mlflow_store import calling, open_store, runs_with, store_uri
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -150,8 +150,8 @@ class RunSync:
         if replaced is None:
             return
         if (replaced.store, replaced.experiment) == (self.state.store, self.state.experiment):
-            query = f"tags.run_folder = '{self.folder}' and tags.begun = '{replaced.begun}'"
-            for earlier in calling(client.search_runs, [experiment], query):  # none where a user has deleted it
+            tags = {"begun": str(replaced.begun), "run_folder": str(self.folder)}
+            for earlier in runs_with(client, experiment, **tags):  # none where a user has deleted it
                 calling(client.delete_run, earlier.info.run_id)
         (self.folder / REPLACED).unlink()
 
@@ -165,8 +165,7 @@ class RunSync:
         if made.get("git"):
             tags["mlflow.source.git.commit"] = made["git"]["commit"]
         tags |= {**tags_of(self.config), "run_folder": str(self.folder), "begun": str(self.state.begun)}
-        query = " and ".join(f"tags.{name} = '{tags[name]}'" for name in ("run_folder", "begun"))
-        found = client.search_runs([experiment], query, max_results=1)
+        found = runs_with(client, experiment, begun=tags["begun"], run_folder=tags["run_folder"])
         run = found[0] if found else client.create_run(experiment, self.state.begun, tags, self.config.label())
         run_id = run.info.run_id
         parameters = [Param(k, str(v)[:VALUE_LENGTH]) for k, v in flat(self.config.identity()).items()]

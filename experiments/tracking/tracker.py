@@ -11,8 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from segar.experiments.settings import RunConfig, RunFolderError, TrackingError
-from segar.experiments.tracking.mlflow_store import StoreBusy, is_remote
+from segar.experiments.settings import RunConfig, RunFolderError, TrackingError, scheme
+from segar.experiments.tracking.mlflow_store import REMOTE, StoreBusy
 from segar.experiments.tracking.mlflow_sync import RunSync
 
 LONGEST_PAUSE = 60.0  # [s] between attempts, while the store is away
@@ -39,7 +39,7 @@ def start_tracking(config: RunConfig, folder: Path, rows: Sequence[dict[str, Any
     if config.tracking.name == "none":
         return Tracker()
     sync = RunSync(config, folder)
-    if not is_remote(sync.state.store):
+    if scheme(sync.state.store) not in REMOTE:
         with suppress(StoreBusy):
             sync.open()
     return MLflowTracker(sync, config.tracking.interval, rows)

@@ -19,7 +19,7 @@ from segar.experiments.runs.executed_code import executed_code
 from segar.experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics, read_played, read_versions
 from segar.experiments.settings import LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
 from segar.experiments.tracking import mlflow_store, mlflow_sync
-from segar.experiments.tracking.mlflow_store import is_remote, open_store, store_uri
+from segar.experiments.tracking.mlflow_store import open_store, store_uri
 from segar.experiments.tracking.tracker import Tracker, start_tracking
 from segar.experiments.training import run as run_module
 from segar.experiments.training.run import run
@@ -239,7 +239,6 @@ def test_a_store_that_cannot_be_opened_is_told_at_once_with_the_way_out(tmp_path
         with sqlite3.connect(tmp_path / "newer.db") as database:
             database.execute("CREATE TABLE alembic_version AS SELECT 'of-next-year' AS version_num")
     config = RunConfig(root=str(tmp_path), tracking=TrackingConfig(uri=uri))
-    assert not is_remote(uri)
     with pytest.raises(TrackingError, match=r"MLflow refuses: .*tracking=none runs without MLflow"):
         start_tracking(config, tmp_path / "run", [])
 
@@ -251,6 +250,14 @@ def test_a_database_whose_driver_is_missing_ends_no_run_and_it_says_what_is_left
     assert f"this sends them: segar upload run={folder}" in said and "Traceback" not in said
     with pytest.raises(TrackingError, match="MLflow refuses: No module named 'mysql'"):
         open_store(tracking, tmp_path)
+
+
+def test_a_folder_with_quotation_marks_in_its_name_is_found_again(tmp_path):
+    root = tmp_path / 'it\'s "mine"'
+    for restart in (False, True):
+        folder = run(short_run(root / "run", root=str(root), tracking=TrackingConfig(), restart=restart)).folder
+    _, one = run_in(root, folder)
+    assert one.info.status == "FINISHED"
 
 
 def test_a_disk_too_full_for_the_store_leaves_none_that_could_not_be_opened_later(tmp_path):
