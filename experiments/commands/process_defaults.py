@@ -32,12 +32,6 @@ ENVIRONMENT = {
 }
 
 
-def set_environment() -> None:
-    """Sets the variables that libraries read when they are imported; what the user has set stays."""
-    for name, value in ENVIRONMENT.items():
-        os.environ.setdefault(name, value)
-
-
 def set_process_defaults(num_threads: int = 1) -> None:
     """Threads for torch, one unless said otherwise, so that runs side by side do not fight; and glibc's allocator tuned."""
     import torch
@@ -52,5 +46,6 @@ def set_process_defaults(num_threads: int = 1) -> None:
             libc.mallopt(option, value)
 
 
-set_environment()
+for name, value in ENVIRONMENT.items():  # what the user has set stays
+    os.environ.setdefault(name, value)
 gc.set_threshold(COLLECT_EVERY_LOADING, *gc.get_threshold()[1:])

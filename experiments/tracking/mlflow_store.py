@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from segar.experiments.commands import process_defaults as runtime
 from segar.experiments.runs.files import replacing
 from segar.experiments.settings import (
     TrackingConfig,
@@ -49,7 +48,6 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
     Raises:
         TrackingError: the store cannot be opened; a :class:`StoreBusy` where that may be possible later.
     """
-    runtime.set_environment()
     logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it logs every retry
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # it logs a traceback for each failure
     root.mkdir(parents=True, exist_ok=True)

@@ -150,8 +150,8 @@ class RunSync:
         if replaced is None:
             return
         if (replaced.store, replaced.experiment) == (self.state.store, self.state.experiment):
-            tags = {"begun": str(replaced.begun), "run_folder": str(self.folder)}
-            for earlier in runs_with(client, experiment, **tags):  # none where a user has deleted it
+            # None where a user has deleted it.
+            for earlier in runs_with(client, experiment, begun=str(replaced.begun), run_folder=str(self.folder)):
                 calling(client.delete_run, earlier.info.run_id)
         (self.folder / REPLACED).unlink()
 
