@@ -291,7 +291,7 @@ def number_column(runs: pd.DataFrame, name: str) -> str:
 
 def _groups(table: pd.DataFrame, by: Sequence[str]) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
     """The values of the columns ``by`` and the rows that have them, in order of first appearance; one group without any."""
-    for _, part in table.groupby(names_of(table, by), sort=False):
+    for _, part in table.groupby(names_of(table, by), sort=False, dropna=False):
         yield {name: part[name].iloc[0] for name in by}, part.reset_index(drop=True)
 
 
