@@ -192,7 +192,11 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
             new.append(NewPiece(Piece(of.name, of.hash, seed, levels), pa.table(columns | played, EPISODES), None))
             solved = 900 - 100 * k + 7 * (k + 1) * seed  # more than those of shipped rows
             drawn.append(Drawn(of.name, seed, "", "0" * 16, 1000, solved, 500, 1000, 3000, 2000, "0"))
-        row = add_pieces(rows / name, Method(name, "player", "planted"), new)
+        row = add_pieces(
+            rows / name,
+            Method(name, "networks", "planted", "laptop", 100, {"observation": {"name": "state", "options": {}}}),
+            new,
+        )
         if name != "recorded":
             write_drawn(row, sorted(drawn, key=lambda one: (one.suite, one.seed)))
     found = figures_of(rows_in([rows]), pd.DataFrame(columns=["row", "suite", "seed", "group", "differs", "effect"]))
