@@ -48,7 +48,7 @@ from segar.analysis.tables import column, keep, pick, select
 SUCCESS = "success_test_deterministic"
 COST = "return there − on own test levels"
 DOSES = (("w2_dose", "radius_dose", "W2, coverage equal"), ("radius_dose", "w2_dose", "covering radius, W2 equal"))
-CURES = (("foretold", "success gained on causal twins, untrained"), ("w2_share", "share of squared W2"))
+CURES = (("foretold", "success gained on causal twins"), ("w2_share", "share of squared W2"))
 DESIGN_ORDER = ("matched", "matched_far", "matched_sparse", "matched_far_sparse")
 
 
