@@ -28,6 +28,11 @@ OF_SET = ("family", "difficulty", "n", "seed", "design")
 SUCCESS_IN_TRIAL = "success_trial_{}_test_deterministic"
 
 
+def several_seeds(evidence: Evidence) -> pd.DataFrame:
+    """The main grid if it has two seeds or more, else no rows."""
+    return evidence.main if count_of(evidence.main, "seed") > 1 else evidence.main.head(0)
+
+
 def one_number_of_levels(evidence: Evidence) -> pd.DataFrame:
     """The runs of one number of training levels, if they have several designs; ``clustered`` ones were picked near together.
     One level many times is a control, which is left out."""
@@ -125,9 +130,9 @@ def cures(evidence: Evidence) -> pd.DataFrame:
     """The runs of worlds that differ in three groups of factors between training and test (``suite``), with the ``group``
     that ``share`` [%] of their training levels have as the test has it; none where no level has.
 
-    ``gain`` is their success on test levels less that of agents without, a mean over seeds, and ``cure`` the same at 30 %
-    alone; ``foretold`` is what agents without gain on test levels in which this group is that of training levels; and
-    ``w2_share`` is the part of squared W2 between training and test that goes with it.
+    ``gain`` is their success on test levels less that of the agent of their seed without, a mean over seeds, and ``cure`` the
+    same at 30 % alone; ``foretold`` is what agents without gain on test levels in which this group is that of training
+    levels; and ``w2_share`` is the part of squared W2 between training and test that goes with it.
     """
     results, suite = evidence.results, ["family", "levels.test_variation"]
     without, cured, between = results.of("twins"), results.of("twins_cure"), results.between
@@ -136,21 +141,17 @@ def cures(evidence: Evidence) -> pd.DataFrame:
     asked = pick(between, ["test_groups", "test_changed"]).astype(str)
     left = [{*groups.split(SEPARATOR), REST} - {*changed.split(SEPARATOR)} for groups, changed in asked.to_numpy()]
     twins = between.assign(group=[SEPARATOR.join(sorted(one)) for one in left], groups=list(map(len, left)))
-    own = pick(without, ["run", suite[1], SUCCESS, "w2_exact"])
+    own = pick(without, ["run", suite[1], "w2_exact"])
     twins = select(twins, groups=1).merge(own, on="run", suffixes=("", "_own"))
-    twins = twins.assign(
-        foretold=twins[SUCCESS] - twins[f"{SUCCESS}_own"],
-        w2_share=1 - (twins["w2_exact"] / twins["w2_exact_own"]) ** 2,
-    )
+    w2_share = 1 - (twins["w2_exact"] / twins["w2_exact_own"]) ** 2
+    twins = twins.assign(foretold=less_partner(twins, without, SUCCESS, ["run"]), w2_share=w2_share)
+    known = mean_by(twins, [*suite, "group"], ["foretold", "w2_share"])
     parts = cured["design"].astype(str).str.extract(r"^(?P<group>\w+)_of_test_(?P<share>\d+)$")
     cured = cured.assign(group=parts["group"], share=parts["share"].astype(float))
-    reached = mean_by(cured, [*suite, "group", "share"], [SUCCESS]).merge(mean_by(without, suite, [SUCCESS]), on=suite)
-    reached = reached.assign(gain=reached[f"{SUCCESS}_x"] - reached[f"{SUCCESS}_y"])
-    reached = reached.assign(cure=reached["gain"].where(reached["share"] == CURED_SHARE))
-    reached = pick(reached, [*suite, "group", "share", "gain", "cure"])
-    known = mean_by(twins, [*suite, "group"], ["foretold", "w2_share"])
-    found = cured.merge(reached, on=[*suite, "group", "share"]).merge(known, on=[*suite, "group"], how="left")
-    found = pd.concat([without, found], ignore_index=True)
+    cured = cured.assign(gain=less_partner(cured, without, SUCCESS, [*suite, "seed"]))
+    gain = cured.groupby([*suite, "group", "share"], dropna=False)["gain"].transform("mean")
+    cured = cured.assign(gain=gain, cure=gain.where(cured["share"] == CURED_SHARE))
+    found = pd.concat([without, cured.merge(known, on=[*suite, "group"], how="left")], ignore_index=True)
     return found.assign(suite=found["family"] + " " + found[suite[1]].astype(str))
 
 
@@ -254,7 +255,7 @@ def is_plain_ppo(algorithm: str) -> bool:
 # The rows that each evidence of statements.yaml stands for.
 ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "main grid": lambda evidence: evidence.main,
-    "several seeds": lambda evidence: evidence.main.head(len(evidence.main) * (count_of(evidence.main, "seed") > 1)),
+    "several seeds": several_seeds,
     "one number of levels": one_number_of_levels,
     "matched sets": lambda evidence: evidence.results.of("matched_sets"),
     "matched sets from states": matched_states,
