@@ -37,6 +37,7 @@ from segar.experiments.settings import (
 from segar.language import Order, Task, code_place
 from segar.levels import (
     LEVEL_ARRAYS,
+    RULES,
     LevelDistribution,
     Levels,
     family,
@@ -52,7 +53,6 @@ from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
 RESULT_ENVS = 7  # in which results are tried; no number that arrays have by chance
-WORLD = "World"  # the mechanism that rules are, of which a set of levels has one
 INDEPENDENT_SETS = 5  # of training levels; their mean W2 to the test levels is the unit of designs such as w2_x1.2
 
 
@@ -191,8 +191,8 @@ def levels_with_mechanism(distribution: Any, config: LevelsConfig, test: Levels)
     if not isinstance(distribution, LevelDistribution) or not isinstance(other, LevelDistribution):
         raise ConfigError(f"{place} is of training and test levels that are drawn from level distributions")
     before, after = mechanisms(distribution), mechanisms(other)
-    if name not in after or name == WORLD:
-        known = [one for one in after if one != WORLD]
+    if name not in after or name == RULES:
+        known = [one for one in after if one != RULES]
         raise ConfigError(f"{place}: the test distribution has no mechanism '{name}'.{did_you_mean(name, known)}")
     if before.get(name) == after[name]:
         raise ConfigError(f"{place}: training and test levels have the same {name}; levels.test_variation changes it")

@@ -20,6 +20,7 @@ from .level_set import Levels, levels_from_data as levels_from_data
 from .mixing import (
     RESERVED_GROUPS as RESERVED_GROUPS,
     REST as REST,
+    RULES as RULES,
     SEPARATOR as SEPARATOR,
     check_fits as check_fits,
     mixed_levels as mixed_levels,
