@@ -140,6 +140,10 @@ class VonMises(Noise):
         return (self.loc + np.where(q == 0, -math.pi, np.where(q == 1, math.pi, z)))[()]
 
     @property
+    def mean(self) -> float:
+        return self.loc
+
+    @property
     def pieces(self) -> np.ndarray:
         return self.loc + self._pieces
 
