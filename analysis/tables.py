@@ -45,7 +45,8 @@ def read_frame(path: Path) -> pd.DataFrame:
             return pd.read_parquet(file)
     text = content_of(path, "table", RunFolderError)
     try:
-        return pd.read_csv(BytesIO(text))
+        # A single distribution has no difficulty.
+        return pd.read_csv(BytesIO(text), dtype={"difficulty": str}).fillna({"difficulty": ""})
     except ValueError as error:
         raise RunFolderError(f"cannot read the table {path}: {error}") from error
 

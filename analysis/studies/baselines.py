@@ -22,19 +22,20 @@ from segar.language import Task
 from segar.levels import DIFFICULTIES, Levels, family
 
 FAMILIES = ("empty", "objectsx1", "tilesx1", "hazardtilesx1")
+PANELS = (*product(FAMILIES, DIFFICULTIES), ("billiards", ""), ("invisiball", ""))
 PLAYS = 20  # random episodes per level
 SAMPLES, ITERATIONS = 64, 5  # of the planner, per level
 
 
 def run(output: Path = Path("anchors"), levels: int = 100) -> None:
     """Writes ``anchors.csv`` into the folder ``output``, from so many test levels of each panel."""
-    rows = [row for place in product(FAMILIES, DIFFICULTIES) for row in players(*place, levels)]
+    rows = [row for panel in PANELS for row in players(*panel, levels)]
     write_csv(output / "anchors.csv", pd.DataFrame(rows))
 
 
 def players(kind: str, difficulty: str, count: int) -> list[dict[str, Any]]:
     """One row per player, and the row ``floor``, on ``count`` test levels of a panel."""
-    levels = family(f"{kind}-{difficulty}").sample(count, seed=0, split="test")
+    levels = family(f"{kind}-{difficulty}".removesuffix("-")).sample(count, seed=0, split="test")
     found = hardness_of(levels)
     idle = play_episodes(levels, np.arange(count), Idle(), seed=0)
     alone = idle.returns, idle.success.astype(float)

@@ -58,11 +58,6 @@ def harder_levels(evidence: Evidence) -> pd.DataFrame:
     return harder.assign(**own, return_less_trained_there=less_partner(harder, main, ETA, at, there))
 
 
-def probes(evidence: Evidence) -> pd.DataFrame:
-    """The accuracies of the main grid."""
-    return accuracies(evidence.results, evidence.main)
-
-
 def self_supervised(evidence: Evidence) -> pd.DataFrame:
     """The agents with self-supervised losses and those beside them: ``auxiliary`` is the algorithm that has such a loss, and
     ``compared`` also names PPO alone, and PPO with as many gradient steps."""
@@ -74,8 +69,7 @@ def self_supervised(evidence: Evidence) -> pd.DataFrame:
 
 def masses_without_a_memory(evidence: Evidence) -> pd.DataFrame:
     """The runs of the appendix's mass and frame stack whose agents have no memory."""
-    masses = evidence.results.masses
-    return keep(masses, masses["past"] != MEMORY)
+    return keep(evidence.results.masses, evidence.results.masses["past"] != MEMORY)
 
 
 def single_factors(evidence: Evidence) -> pd.DataFrame:
@@ -93,7 +87,7 @@ def single_factors(evidence: Evidence) -> pd.DataFrame:
 def replicated_probes(evidence: Evidence) -> pd.DataFrame:
     """The accuracies of the main grid with ``replicate_part``: the variance of one estimate between the critics of an agent, in
     parts of the variance of one estimate among agents of one cell, which is averaged over a family."""
-    found, table = probes(evidence), evidence.results.probes
+    found, table = accuracies(evidence.results, evidence.main), evidence.results.probes
     if found.empty:
         return found
     asked = select(table, representation="trained", quantity="accuracy", factor="all", levels="test")
@@ -187,6 +181,14 @@ def conditional_rewards(evidence: Evidence) -> pd.DataFrame:
     return keep(runs.assign(conditions=number), number.notna())
 
 
+def other_tasks(evidence: Evidence) -> pd.DataFrame:
+    """The runs in other tasks with ``above_play``, the return on training levels less that of the better of idle and random
+    play, level by level; NaN where these were not measured."""
+    runs = evidence.results.of("other_tasks")
+    floor = runs["panel"].map(evidence.results.player("floor", "return").get).astype(float)
+    return runs.assign(above_play=runs["eta_train_deterministic"] - floor)
+
+
 def all_rule_set_runs(evidence: Evidence) -> pd.DataFrame:
     """The runs on a chosen number of rule sets: that number ``rule_sets``, its logarithm ``log_rule_sets``, ``chosen`` (near,
     far, or empty), and ``dynamics_w2``, their distance to those of the test, which is none where it was not measured."""
@@ -222,8 +224,7 @@ def trial_runs(evidence: Evidence) -> pd.DataFrame:
 
 def trial_columns(runs: pd.DataFrame) -> list[str]:
     """The columns of success in each trial on the test levels, in order."""
-    numbers = [n for n in range(len(runs.columns)) if SUCCESS_IN_TRIAL.format(n) in runs]
-    return [SUCCESS_IN_TRIAL.format(n) for n in numbers]
+    return [name for n in range(len(runs.columns)) if (name := SUCCESS_IN_TRIAL.format(n)) in runs]
 
 
 def accuracies(results: Results, runs: pd.DataFrame) -> pd.DataFrame:
@@ -263,7 +264,7 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "cures": cures,
     "the paper's agent": papers_agent,
     "harder levels": harder_levels,
-    "probes": probes,
+    "probes": lambda evidence: accuracies(evidence.results, evidence.main),
     "self-supervised agents": self_supervised,
     "probes of self-supervised agents": lambda evidence: accuracies(evidence.results, self_supervised(evidence)),
     "probes of single factors": single_factors,
@@ -275,6 +276,7 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "masses without a memory": masses_without_a_memory,
     "probes with masses": lambda evidence: accuracies(evidence.results, masses_without_a_memory(evidence)),
     "SAC": soft_actor_critic,
+    "other tasks": other_tasks,
     "distances without training": distances_of_empty,
     "numbers of rule sets": rule_set_runs,
     "ten rule sets": runs_on_ten,

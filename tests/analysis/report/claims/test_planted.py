@@ -159,3 +159,19 @@ def test_the_slope_of_regret_on_a_dose_is_found_and_sets_that_cannot_be_had_coun
     (slope,) = found["dose-w2"].tests(METRIC_OURS)
     assert slope.found.estimate == pytest.approx(0.2, abs=0.02) and slope.margin == pytest.approx(0.2 / 3, abs=1e-6)
     assert [str(found[name].planned)[:10] for name in ("dose-w2", "dose-coverage")] == ["148 of 160", "120 of 120"]
+
+
+@pytest.mark.parametrize(("billiards", "verdict"), [(5.0, SUPPORTED), (-1.0, NOT_SUPPORTED), (None, NOT_TESTABLE)])
+def test_training_in_other_tasks_is_compared_with_play_in_each_of_them(tmp_path, billiards, verdict):
+    """Agents in Invisiball reach more than play, agents in Billiards as much as is planted; None: play was not measured."""
+    rng, panels = np.random.default_rng(4), {"billiards": 0.0 if billiards is None else billiards, "invisiball": 5.0}
+    place = {"difficulties": ("",), "counts": (100,), "seeds": 6, "observation": "state"}
+    runs = pd.concat([run_rows(rng, "other_tasks", families=(one,), **place) for one in panels], ignore_index=True)
+    reached = runs["family"].map(panels) + 0.5 * rng.normal(size=len(runs)) - 20.0
+    runs = runs.assign(eta_train_deterministic=reached, success_train_deterministic=0.0)
+    if billiards is not None:
+        floor = [
+            {"family": one, "difficulty": "", "player": "floor", "return": -20.0, "success": 0.0} for one in panels
+        ]
+        write_players(tmp_path, pd.DataFrame(floor))
+    assert claims_on(tmp_path, runs)["A-tasks"].verdict(METRIC_OURS) == verdict
