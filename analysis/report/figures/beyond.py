@@ -239,7 +239,7 @@ def matched_sets(evidence: Evidence) -> Drawn:
     table = pick(runs, [*CELL, "design", "w2_exact", "radius", "effective_number", "gap_success", "gap"])
     order = [name for name in DESIGN_ORDER if name in set(table["design"])]
     families, counts = style.ordered(table["family"]), sorted(set(table["n"]))
-    figure = new_figure(3.0 * len(families) + 0.4, 2.6 * len(counts) + 0.6)
+    figure = new_figure(3.0 * len(families) + 0.4, 2.0 * len(counts) + 0.6)
     grid = figure.subplots(len(counts), len(families), sharex=True, sharey=True, squeeze=False)
     for axes, (n, family) in zip(grid.ravel(), product(counts, families), strict=True):
         zero_line(axes)
