@@ -55,7 +55,7 @@ def mixed_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[st
     world = (test if chosen.get(of_rules) else train).world
     made = Provenance("between training and test", "", __version__, 0, "", np.arange(len(train)))
     arrays |= {"parameters": table, "sampled_values": arrays["values"].copy()}
-    return dataclasses.replace(train, **arrays, world=world, provenance=made, distribution=None)
+    return dataclasses.replace(train, **arrays, world=world, provenance=made, distribution=None, moments={})
 
 
 def differing(levels: LevelData, arrays: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import segar
-from segar import Position, Size
+from segar import Mass, Position, Size
 from segar.analysis.stats.attribution import full_factorial, shapley_of_pairs
 from segar.errors import LevelError, SegarError
 from segar.hardness import make_situations
@@ -38,6 +38,18 @@ def test_all_groups_make_the_test_levels_and_none_the_training_levels(sets):
         made = mixed_levels(train, test, GROUPS, chosen)
         for name in ("types", "values", "shape_kind", "vertices", "parameters"):
             assert np.array_equal(getattr(made, name), getattr(expected, name), equal_nan=True), name
+
+
+def test_levels_in_between_stand_for_themselves_wherever_the_others_come_from(sets, tmp_path):
+    """Their distance has the units of both sets, as in memory, and not those of the law that training levels were drawn from."""
+    sets[0].save(tmp_path / "train.npz")
+    distances = []
+    for train in (sets[0], segar.Levels.load(tmp_path / "train.npz")):
+        values = train.values.copy()
+        values[:, train.layout.slot_index("golfball"), train.layout.columns[Mass]] += 5.0
+        made = mixed_levels(train, dataclasses.replace(train, values=values), {"mass": [Mass]}, {"mass": True})
+        distances.append(segar.metrics.w2(train, made))
+    assert distances[0] == pytest.approx(distances[1], rel=1e-9) and 1.0 < distances[0] <= 2.0
 
 
 def test_one_group_changes_and_the_rest_stays(sets):
