@@ -173,9 +173,8 @@ class Evidence:
 
         One row per group and run, beside the columns of the run. Runs without all combinations are left out.
         """
-        between = self.results.between
-        if between.empty:
-            return pd.DataFrame()
+        between, asked = self.results.between, self.results.of("attribution", "figure_3a")["run"]
+        between = keep(between, between["run"].isin(list(asked)))
         runs = {row["run"]: row for row in measured(self.results.runs).to_dict("records")}
         parts = []
         for _, tests in between.groupby(["run", "test_groups"], sort=True, dropna=False):

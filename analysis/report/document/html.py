@@ -6,6 +6,7 @@ from pathlib import Path
 
 from segar.analysis.plotting.figures import PAGE_WIDTH
 from segar.analysis.report.document.blocks import FINDING_HEAD, Document, Picture, finding_rows, pieces
+from segar.analysis.report.number_format import p_value
 from segar.support import templates
 
 POINTS = 72  # to the inch
@@ -15,7 +16,7 @@ MARKS = {"supported": "✓", "not supported": "✗", "undecided": "?", "not yet 
 def page(document: Document) -> str:
     """The document as HTML."""
     environment = templates(Path(__file__).parent, autoescape=True)
-    environment.filters |= {"pieces": pieces, "embedded": embedded, "share": share}
+    environment.filters |= {"pieces": pieces, "embedded": embedded, "share": share, "p_value": p_value}
     environment.globals |= {"finding_rows": finding_rows, "finding_head": FINDING_HEAD, "marks": MARKS}
     return environment.get_template("page.html", globals={"document": document}).render() + "\n"
 

@@ -41,7 +41,7 @@ def test_all_groups_make_the_test_levels_and_none_the_training_levels(sets):
 
 
 def test_levels_in_between_stand_for_themselves_wherever_the_others_come_from(sets, tmp_path):
-    """Their distance has the units of both sets, as in memory, and not those of the law that training levels were drawn from."""
+    """Their distance has the units of both sets, as in memory, not of the law that training levels are drawn from."""
     sets[0].save(tmp_path / "train.npz")
     distances = []
     for train in (sets[0], segar.Levels.load(tmp_path / "train.npz")):
