@@ -114,10 +114,13 @@ def changed_parts(folder: Path, code: Mapping[str, str] | None) -> list[str]:
 
 
 def differing_parts(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """Names of the parts that differ, and of the files recorded ``before`` in which something else is now."""
-    files = sorted(name for name in before if "/" in name and before[name] != _content_now(name))
+    """Names of the parts that differ, of the files recorded ``before`` in which something else is now, and of those that are
+    read only now: new ones, and those that a link leads to."""
+    known = {path and path.resolve() for path in map(find_file, files_of_code(before))}
+    files = [name for name in files_of_code(now) if (path := find_file(name)) and path.resolve() not in known]
+    files += [name for name, was in files_of_code(before).items() if was != _content_now(name)]
     parts = sorted(name for name in {*before, *now} if "/" not in name and before.get(name) != now.get(name))
-    return [*parts, *files]
+    return [*parts, *sorted(files)]
 
 
 def fingerprint(module: str) -> str:

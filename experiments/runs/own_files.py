@@ -4,7 +4,8 @@ Nothing is imported or recorded. A file counts where the text of a source says s
 
 - by an import, at the top of a module or within a function;
 - by its name, ``HERE / "width.json"``, or a part of it, ``f"{kind}.json"``: looked for in all folders of its package, in
-  those above the module up to the one that it is imported from, in the working one, and in folders there that a source names;
+  those above the module up to the one that it is imported from, in the working one, and in folders there that a source names.
+  Beside the folder that it is imported from, as ``data`` beside ``src``, what its texts name in full;
 - because a source of its package, or of its folder where there is no package, loads modules by names that are computed, as
   :func:`importlib.import_module` does, or lists folders. Then all sources of the package count, or all its files.
 
@@ -23,7 +24,7 @@ from types import ModuleType
 from weakref import WeakKeyDictionary
 
 from segar.experiments.runs.own_modules import OUR_FOLDERS, OURS, find_file, imported_by, is_installed, source_reached
-from segar.experiments.runs.run_folder import CONFIG, VERSIONS
+from segar.experiments.runs.run_folder import CONFIG, JOURNAL
 from segar.experiments.runs.source_text import nodes_of, normalised
 from segar.experiments.settings import ConfigError, imported_from
 
@@ -34,8 +35,8 @@ LOADING = {
 LISTING = {"fwalk", "glob", "iglob", "iterdir", "listdir", "rglob", "scandir", "walk"}
 BLANK = re.compile(r"\{[^{}]*\}|%[-+ #0-9.]*[a-z]")  # what str.format and % fill in
 FILE_NAME = re.compile(r"(?!.*\*\*)[^\n\0]{0,200}\.\w+")
-RUN_FILES = {CONFIG, VERSIONS}  # of a folder of results, which are not what they were made by
 NO_DATA = (".pyc", ".so", ".nbi", ".nbc", ".lock")  # compiled code, kernels, locks
+BESIDE_RUNS = {"mlflow.db", "mlflow-artifacts"}  # results, too
 SYSTEM = tuple(map(Path, ("/dev", "/etc", "/proc", "/run", "/sys", "/usr", "/var")))
 
 _as_seen: WeakKeyDictionary[ModuleType, dict[Path, str]] = WeakKeyDictionary()  # what the modules' files held at first
@@ -80,10 +81,7 @@ def digest_executed(name: str) -> str:
     """The fingerprint of the file of this name as this process executes it: of what was imported from it, else of what is in it
     now; empty where there is none."""
     path = find_file(name)
-    if path is None:
-        return ""
-    imported = imported_from(path.resolve())
-    return file_digest(path) if imported is None else _of_source(imported[1])
+    return "" if path is None else _at_first(path.resolve(), {}, file_digest(path))
 
 
 def _at_first(path: Path, seen: dict[Path, str], now: str) -> str:
@@ -113,6 +111,8 @@ def _files_of(module: str, texts: Collection[str]) -> dict[str, tuple[Path, Path
             sources[path] = root = path.parents[name.count(".") + (path.name == "__init__.py")]
             found[_name(path, root)] = path, path
             waiting += imported_by(name, path)
+            if path.name == "__init__.py":  # __all__ names modules, too, and what imports them when they are asked for
+                waiting += [f"{name}.{text}" for text in _texts(nodes_of(path)) if text.isidentifier()]
             waiting += [name[: dot.start()] for dot in re.finditer(r"\.", name)]  # Python executes these packages, too
         for file, source in _named_by(sources, texts) if done.issuperset(waiting) else ():
             root = sources[source]
@@ -138,17 +138,21 @@ def _named_by(sources: Mapping[Path, Path], texts: Iterable[str]) -> Iterator[tu
     for source, root in sources.items():
         above = [folder for folder in source.parents if folder.is_relative_to(root)]
         folders = [*above, Path.cwd(), *(Path(text) for text in said[source] if text[:1] == "/" != text)]
-        for folder in folders:
+        beyond = [root.parent / part for part in sorted(parts[source] - {"", ".", ".."})]
+        for folder in [*folders, *beyond]:
             found += _below(folder, naming, packages, seen)
         of_slash = [text for text in said[source] if "/" in text and FILE_NAME.fullmatch(text)]
-        found += [(file, source) for folder in folders for text in of_slash for file in _at(folder, text)]
+        places = (file for folder in [*folders, root.parent] for text in of_slash for file in _at(folder, text))
+        found += [(file, source) for file in [*beyond, *places]]
         calls = {getattr(node, "attr", getattr(node, "id", "")) for node in nodes[source]}
-        whole = above[-2:][0], f"{'**/' if above[1:] else ''}*{'' if calls & LISTING else '.py'}"
-        if calls & (LOADING | LISTING) and str(whole) not in seen:
-            seen.add(str(whole))
-            found += [(file, source) for file in whole[0].glob(whole[1])]
+        calls |= {node.name for node in nodes[source] if isinstance(node, ast.alias)}  # "import listdir as names"
+        top, deep, kind = above[-2:][0], "**/" if above[1:] else "", "*" if calls & LISTING else "*.py"
+        if calls & (LOADING | LISTING) and f"{top} {kind}" not in seen:
+            seen.add(f"{top} {kind}")
+            results = {file.parent for file in top.glob(deep + JOURNAL) if (file.parent / CONFIG).exists()}
+            found += [(file, source) for file in top.glob(deep + kind) if results.isdisjoint(file.parents)]
     for file, source in found:
-        if os.path.isfile(file) and not file.name.endswith(NO_DATA):
+        if os.path.isfile(file) and not file.name.endswith(NO_DATA) and BESIDE_RUNS.isdisjoint(file.parts):
             path = Path(os.path.realpath(file))
             yield from [(path, source)] if _is_own(path, sources[source]) else []
 
@@ -165,7 +169,7 @@ def _below(
     """Files below a folder that a source names, with the source: in folders that are named, too, or in a package."""
     for place, inner, files in os.walk(folder, followlinks=True) if os.path.isdir(folder) else ():
         is_inside = any(Path(place).is_relative_to(one) for one in packages)
-        if (real := os.path.realpath(place)) in seen or RUN_FILES.issubset(files):
+        if (real := os.path.realpath(place)) in seen or {CONFIG, JOURNAL}.issubset(files):
             inner.clear()
             continue
         seen.add(real)

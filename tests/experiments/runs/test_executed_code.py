@@ -14,7 +14,7 @@ import segar
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.runs import executed_code as module
 from segar.experiments.runs.executed_code import code_after, combined, differing_parts, executed_code, fingerprint
-from segar.experiments.runs.own_files import file_digest
+from segar.experiments.runs.own_files import file_digest, own_files
 from segar.experiments.runs.own_modules import modules_reached
 from segar.experiments.runs.source_text import normalised
 from segar.experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, SACConfig
@@ -107,6 +107,19 @@ def test_files_that_changed_while_a_run_went_on_count_as_other_code_ever_after(p
     assert "my_lab/parts.py, my_lab/data.json changed while" in lines[0]
     edited(package / "data.json", "2", "1")
     assert "my_lab/data.json" in differing_parts(after, {"kernel": "k"})
+
+
+def test_files_that_are_read_only_now_are_other_code(package):
+    for name in ("a", "b", "c"):
+        (package / f"{name}.csv").write_text(name)
+    (package / "used.csv").symlink_to("a.csv")
+    (package / "sums.py").write_text("import os\nX = 'used.csv'\nY = os.path.exists('my_lab/more.csv')\n")
+    before = own_files("my_lab.sums")
+    assert not differing_parts(before, own_files("my_lab.sums"))
+    (package / "used.csv").unlink()
+    (package / "used.csv").symlink_to("b.csv")
+    (package / "more.csv").write_text("1")
+    assert differing_parts(before, own_files("my_lab.sums")) == ["my_lab/b.csv", "my_lab/more.csv"]
 
 
 def test_the_files_of_a_task_that_the_levels_name_count(package):
@@ -204,7 +217,8 @@ def test_other_rules_are_another_kernel_and_another_algorithm_is_another_learner
         "import segar\n\n\ndef frictionless():\n    return segar.family('empty-easy').with_rules([segar.move])\n"
     )
     other = dataclasses.replace(CONFIG, levels=dataclasses.replace(CONFIG.levels, train="my_lab.levels:frictionless"))
-    assert differing_parts(plain, executed_code(Prepared(other))) == ["kernel"]
+    changed = ["kernel", "my_lab/__init__.py", "my_lab/levels.py"]
+    assert differing_parts(plain, executed_code(Prepared(other))) == changed
     sac = dataclasses.replace(CONFIG, algorithm=SACConfig())
     assert differing_parts(plain, executed_code(Prepared(sac))) == ["learner"]
 

@@ -61,6 +61,13 @@ COUNTS = {
         "lab/data/far.json",
     ),
     "data of a number with zeros": ("def late(k):\n    return HERE / ('wi%03dth.json' % k)", "lab/width.json"),
+    "all that a package exports": ("from lab.data import *", "lab/data/kinds.py"),
+    "import_module by another name": (
+        "from importlib import import_module as load\nit = load('lab.' + NAME)",
+        "lab/late.py",
+    ),
+    "list by another name": ("from os import listdir as ls\nFOUND = ls(HERE)", "lab/width.json"),
+    "data beside the folder of sources": ("X = HERE.parents[1] / 'else' / 'far.json'", "../else/far.json"),
     "no Python with the suffix of Python": ("TEXT = (HERE / 'template.py').read_text()", "lab/template.py"),
 }
 NAMES = {  # of files that are not in the package
@@ -88,13 +95,15 @@ def lab(tmp_path_factory, monkeypatch):
         f"{HERE}from lab.deep import DEPTH\nWIDTH = 1\nread = HERE.joinpath\nDATA = HERE / 'data'\n"
     )
     (folder / "lab" / "deep.py").write_text(f"{HERE}DEPTH = json.loads((HERE / 'deep.json').read_text())\n")
+    (folder / "lab" / "data" / "__init__.py").write_text("__all__ = ['kinds']\n")
+    (folder / "lab" / "data" / "kinds.py").write_text("FAR = 1\n")
     (folder / "beside.py").write_text("GAIN = 1\n")
     (folder / "lab" / "template.py").write_text("{{ no python }}")
     data = ("lab/width.json", "lab/deep.json", "lab/data/far.json", "top.json", "../work/near.json", "../else/far.json")
     more = (
         "lab/table",
         "lab/data/raw/old.csv",
-        *(f"lab/run/{n}" for n in ("config.yaml", "versions.json", "played.json")),
+        *(f"lab/run/{n}" for n in ("config.yaml", "journal.jsonl", "played.json")),
     )
     for name in (*data, *more, "lab/.cache.json", "lab/x.npy"):
         (folder / name).write_text("1")
@@ -134,6 +143,12 @@ def test_a_file_that_the_code_does_not_reach_does_not_count(lab, code, file):
     edit(lab / file)
     assert own_files("lab.levels") == before
     assert {*before} == {"lab/__init__.py", "lab/levels.py"}
+
+
+def test_results_do_not_count_in_a_package_that_lists_folders(lab):
+    written(lab, "X = [*HERE.iterdir()]")
+    (lab / "lab" / "mlflow.db").touch()
+    assert {name for name in own_files("lab.levels") if "run/" in name or "mlflow" in name} == set()
 
 
 def test_modules_without_a_package_and_the_data_beside_them_count(lab):
