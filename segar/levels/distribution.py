@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, PriorError, did_you_mean
-from segar.language import Entity, Factor, GlobalFriction, Layout, Parameter, Slot, ThingFactory, name_slots
+from segar.language import LARGEST, Entity, Factor, GlobalFriction, Layout, Parameter, Slot, ThingFactory, name_slots
 from segar.levels.apart import check_within, near_levels
 from segar.levels.explanation import Explanation, explain
 from segar.levels.hashing import content_hash
@@ -89,8 +89,8 @@ class LevelDistribution(ShownInNotebooks):
             raise LevelError(f"a level distribution has no '{key}'.{did_you_mean(key, known)}")
         if world is not None and not isinstance(world, World):
             raise LevelError(f"world must be a segar.World or None, not {world!r}; with_rules takes a list of rules")
-        if not (isinstance(min_distance, (int, float)) and min_distance >= 0):
-            raise LevelError(f"min_distance must be a number of metres, at least 0, not {min_distance!r}")
+        if not (isinstance(min_distance, (int, float)) and 0 <= min_distance <= LARGEST):
+            raise LevelError(f"min_distance must be a number of metres, 0 to {LARGEST:g}, not {min_distance!r}")
         if not isinstance(task, str | None):
             raise LevelError(f"task must be a name such as 'billiards' or 'module:attribute', not {task!r}")
         set_ = object.__setattr__
@@ -372,10 +372,14 @@ def _sequence(name: str, entries: Any) -> Sequence[Any]:
     return entries
 
 
-def _check_number(entry: Any) -> tuple[Any, Any]:
+def _pair(name: str, form: str, entry: Any) -> tuple[Any, Any]:
     if not isinstance(entry, (tuple, list)) or len(entry) != 2:
-        raise LevelError(f"numbers: each entry is a pair (entity type or ThingFactory, how many), not {entry!r}")
-    who, many = entry
+        raise LevelError(f"{name}: each entry is a pair {form}, not {entry!r}")
+    return entry[0], entry[1]
+
+
+def _check_number(entry: Any) -> tuple[Any, Any]:
+    who, many = _pair("numbers", "(entity type or ThingFactory, how many)", entry)
     if not isinstance(who, ThingFactory) and not (
         isinstance(who, type) and issubclass(who, Entity) and who is not Entity
     ):
@@ -404,7 +408,10 @@ def _check_prior(prior: Any) -> Prior:
 
 
 def _check_parameters(given: Any) -> tuple[tuple[type[Parameter], Any], ...]:
-    pairs = tuple(given.items() if isinstance(given, Mapping) else given or ())
+    entries = given.items() if isinstance(given, Mapping) else given or ()
+    if not isinstance(entries, Iterable):
+        raise LevelError(f"parameters must be a dict such as {{Gravity: 9.8}}, not {given!r}")
+    pairs = [_pair("parameters", "(parameter class, value)", entry) for entry in entries]
     for parameter, _ in pairs:
         if not (isinstance(parameter, type) and issubclass(parameter, Parameter)):
             raise LevelError(f"parameters: {parameter!r} is not a world parameter class such as Gravity")
@@ -412,14 +419,16 @@ def _check_parameters(given: Any) -> tuple[tuple[type[Parameter], Any], ...]:
 
 
 def _check_places(entry: Any) -> tuple[type[Entity], tuple[tuple[float, float], ...]]:
-    if not isinstance(entry, (tuple, list)) or len(entry) != 2:
-        raise LevelError(f"positions: each entry is a pair (entity type, places), not {entry!r}")
-    entity, places = entry
+    entity, places = _pair("positions", "(entity type, places)", entry)
     if not (isinstance(entity, type) and issubclass(entity, Entity)):
         raise LevelError(f"positions: {entity!r} is not an entity type")
-    array = np.asarray(places, dtype=float)
+    wrong = LevelError(f"positions: places of {entity.__name__} must be finite numbers of shape (k, 2)")
+    try:
+        array = np.asarray(places, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise wrong from error
     if array.ndim != 2 or array.shape[1] != 2 or not np.isfinite(array).all():
-        raise LevelError(f"positions: places of {entity.__name__} must be finite numbers of shape (k, 2)")
+        raise wrong
     return entity, tuple((x, y) for x, y in array.tolist())
 
 

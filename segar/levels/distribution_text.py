@@ -175,12 +175,14 @@ class _Reader:
             raise LevelError(f"line {node.lineno}: the text must be {WHOLE}(numbers=[...], priors=[...])")
         if node.args:
             raise LevelError(f"line {node.args[0].lineno}: name the parts of {WHOLE}: {', '.join(PARTS)}")
+        made: dict[str, Any] = {}
         for keyword in node.keywords:
-            if keyword.arg not in PARTS:
-                raise LevelError(
-                    f"line {keyword.value.lineno}: {WHOLE} has no part '{keyword.arg}' here.{did_you_mean(keyword.arg, PARTS)}"
-                )
-        made = {str(keyword.arg): self.of(keyword.value) for keyword in node.keywords}
+            name, line = str(keyword.arg), keyword.value.lineno
+            if name not in PARTS:
+                raise LevelError(f"line {line}: {WHOLE} has no part '{name}' here.{did_you_mean(name, PARTS)}")
+            if name in made:
+                raise LevelError(f"line {line}: '{name}' is given twice")
+            made[name] = self.of(keyword.value)
         if "numbers" not in made:
             raise LevelError(f"line {node.lineno}: {WHOLE} needs numbers=[(entity type, how many), ...]")
         return made

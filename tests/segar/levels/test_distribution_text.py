@@ -82,6 +82,7 @@ HEAD = "LevelDistribution(\n numbers=[(GolfBall, 1)],\n priors=[Prior(Mass, {})]
         ("LevelDistribution(**{})", "has no part 'None'"),
         ("LevelDistribution()", "needs numbers="),
         ("LevelDistribution(\nnumbers=[(GolfBall, 1)],\nnumber=3)", "line 3: LevelDistribution has no part 'number'"),
+        ("LevelDistribution(numbers=[(GolfBall, 1)],\nnumbers=[])", "line 2: 'numbers' is given twice"),
         ("LevelDistribution(\n numbers=[(GolfBal, 1)])", "line 2: there is no 'GolfBal' here."),
         ("LevelDistribution(numbers=[(GolfBall, -1)])", "how many GolfBall must be a whole number from 0"),
         ("LevelDistribution(numbers=[(GolfBall(), 1)])", "cannot stand here"),
