@@ -6,6 +6,7 @@ another page asks. It serves no file.
 """
 
 import asyncio
+import json
 import secrets
 import socket
 import time
@@ -14,7 +15,7 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.responses import HTMLResponse, Response
 from starlette.routing import Route
 
 from segar.errors import SegarError
@@ -122,7 +123,7 @@ class StudioServer:
         finally:
             self._working = None
         status, found, self._html = reply
-        return JSONResponse(found, status, headers=HEADERS)
+        return _json(found, status)
 
 
 def _answered(studio: Studio, name: str, question: Any) -> tuple[int, dict[str, Any], str]:
@@ -153,7 +154,12 @@ def _empty(status: int) -> Response:
 
 
 def _said(status: int, why: str) -> Response:
-    return JSONResponse({"error": why}, status, headers=HEADERS)
+    return _json({"error": why}, status)
+
+
+def _json(answer: dict[str, Any], status: int) -> Response:
+    """An answer in ASCII, because a question can hold half of a character, which UTF-8 has not."""
+    return Response(json.dumps(answer, allow_nan=False), status, HEADERS, "application/json")
 
 
 def _listening(port: int) -> socket.socket:

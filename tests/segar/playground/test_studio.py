@@ -142,6 +142,7 @@ def test_questions_of_another_kind_size_or_form_are_refused(client: Client) -> N
     assert said(b'{"version": "0"}') == (422, "distance: 'version' must be int, not '0'")
     status, why = said(b'{"version": 7}')
     assert status == 422 and "reload the page" in why
+    assert client.ask("policy", run="\ud800")[0] == 422  # half of a character, which the answer repeats
     assert client.ask("hardness", set=2) == (422, {"error": "there are 2 level sets here, and no set 2"})
 
 
