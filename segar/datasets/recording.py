@@ -19,6 +19,7 @@ from segar.envs import REWARDS, Policy, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation import require_options
 from segar.levels import Levels, family, hash_of_levels
+from segar.observations import leaves
 from segar.support import counted, is_whole, json_in, locked, need, replacing
 from segar.tasks import TASKS
 
@@ -26,6 +27,8 @@ RECIPE = "recipe.json"
 DATA = "data"  # the folder within that of a dataset in which Minari keeps everything
 UNFINISHED = ".segar-recording"  # in Minari's folder; Minari does not list hidden ones
 UNIFORM = "uniform"
+EPISODE_BYTES = 2**17  # that an episode takes in HDF5 beside its arrays, at most
+ADVICE = "make room and record again, which goes on after the last complete batch"
 
 
 def record(
@@ -112,11 +115,13 @@ def record(
                 env = VectorEnv(levels, len(players), seed=seed, **options)
                 played = np.array(players) // recipe.trials % len(levels)
                 acts = _uniform(env, [seed, number]) if policy is None else policy
-                _write(parts[-1], roll_out(env, played, recipe.seed_of(number), acts), one, None)
+                found = roll_out(env, played, recipe.seed_of(number), acts)
+                _write(parts[-1], found, _most_bytes(found), one, None)
             if progress is not None:
                 progress(numbers.stop, episodes)
         whole = folder / DATA
-        _write(whole, (episode for part in parts for episode in _read(part)), one, _spec_of(levels, recipe))
+        size = 2 * sum(file.stat().st_size for part in parts for file in part.iterdir())
+        _write(whole, (episode for part in parts for episode in _read(part)), size, one, _spec_of(levels, recipe))
         levels.save(whole / LEVELS)
         facts = {"dataset_id": dataset_id, "minari_version": minari.__version__, "algorithm_name": recipe.policy}
         MinariStorage.read(whole).update_metadata({**facts, **by, KEY: asdict(recipe)})
@@ -172,14 +177,27 @@ def _unfinished(dataset_id: str, recipe: Recipe) -> Iterator[Path]:
     shutil.rmtree(folder)
 
 
-def _write(place: Path, episodes: Iterable[Episode], env: VectorEnv, spec: EnvSpec | None) -> None:
-    """Write episodes as Minari stores them, into a folder that is there when it is complete."""
+def _most_bytes(episodes: list[Episode]) -> int:
+    """As many bytes as the file of these episodes may have; chunks of HDF5 are up to half empty."""
+    arrays = [leaves((one.observations, one.actions, one.rewards, one.infos)) for one in episodes]
+    return sum(EPISODE_BYTES + 2 * sum(array.nbytes for array in of_one) for of_one in arrays)
+
+
+def _write(place: Path, episodes: Iterable[Episode], size: int, env: VectorEnv, spec: EnvSpec | None) -> None:
+    """Write episodes as Minari stores them, into a folder that is there when it is complete.
+
+    Raises:
+        SegarError: there is no room for ``size`` bytes. It is asked for before, because HDF5 crashes on a full disk.
+    """
     from minari.data_collector import EpisodeBuffer
     from minari.dataset.minari_storage import MinariStorage
 
     beside = place.with_suffix(".writing")
     shutil.rmtree(beside, ignore_errors=True)  # of a recording that was killed
     shutil.rmtree(place, ignore_errors=True)
+    with replacing(place, f"{size:,} bytes", advice=ADVICE) as room, room.open("r+b") as stream:
+        os.posix_fallocate(stream.fileno(), 0, size)
+    place.unlink()
     storage = MinariStorage.new(
         beside, env.single_observation_space, env.single_action_space, spec, jpeg_encoding=False
     )

@@ -1,7 +1,9 @@
 """Recordings are Minari datasets that hold what happened, go on after they were killed, and follow from their recipe."""
 
+import errno
 import importlib.util
 import json
+import os
 import shutil
 
 import h5py
@@ -178,6 +180,23 @@ def test_a_recording_that_was_killed_goes_on_to_the_same_bits(levels, root):
         len(record("killed-v0", levels, policy, **OPTIONS)) == 7 and policy.calls <= 2 * 9
     )  # nothing was left to record
     assert not [*(root / ".segar-recording").rglob("*.hdf5")]
+
+
+def test_a_full_disk_is_told_before_hdf5_crashes_on_it(levels, root, monkeypatch):
+    first, sizes = root / ".segar-recording" / "full-v0" / "batch-00000", []
+
+    def full(file, start, size):
+        sizes.append(size)
+        if first.exists():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("os.posix_fallocate", full)
+    with pytest.raises(segar.SegarError, match="batch-00001: No space left on device; make room and record again"):
+        record("full-v0", levels, **OPTIONS)
+    assert sizes[0] >= (first / "main_data.hdf5").stat().st_size
+    monkeypatch.undo()
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(root))
+    assert len(record("full-v0", levels, **OPTIONS)) == 7
 
 
 def test_a_second_recorder_is_told_to_wait_and_the_first_loses_nothing(levels):
