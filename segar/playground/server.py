@@ -6,7 +6,6 @@ another page asks. It serves no file.
 """
 
 import asyncio
-import json
 import secrets
 import socket
 import time
@@ -15,7 +14,7 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from segar.errors import SegarError
@@ -123,7 +122,7 @@ class StudioServer:
         finally:
             self._working = None
         status, found, self._html = reply
-        return _json(found, status)
+        return JSONResponse(found, status, headers=HEADERS)
 
 
 def _answered(studio: Studio, name: str, question: Any) -> tuple[int, dict[str, Any], str]:
@@ -154,12 +153,7 @@ def _empty(status: int) -> Response:
 
 
 def _said(status: int, why: str) -> Response:
-    return _json({"error": why}, status)
-
-
-def _json(answer: dict[str, Any], status: int) -> Response:
-    """An answer in ASCII, because a question can hold half of a character, which UTF-8 has not."""
-    return Response(json.dumps(answer, allow_nan=False), status, HEADERS, "application/json")
+    return JSONResponse({"error": why}, status, headers=HEADERS)
 
 
 def _listening(port: int) -> socket.socket:

@@ -179,7 +179,7 @@ class Studio:
         """Have the policy of a run play in the page, or none."""
         run = question["run"]
         if run is not None and run not in self._found_runs():
-            raise SegarError(f"there is no run '{run}' with a {NETWORK_FILE} below the folder of --runs")
+            raise SegarError(f"there is no run {run!r} with a {NETWORK_FILE} below the folder of --runs")
         self._change(self.sides, run)
         return {"version": self.version}
 
