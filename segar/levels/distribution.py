@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -409,8 +409,6 @@ def _check_prior(prior: Any) -> Prior:
 
 def _check_parameters(given: Any) -> tuple[tuple[type[Parameter], Any], ...]:
     entries = given.items() if isinstance(given, Mapping) else given or ()
-    if not isinstance(entries, Iterable):
-        raise LevelError(f"parameters must be a dict such as {{Gravity: 9.8}}, not {given!r}")
     pairs = [_pair("parameters", "(parameter class, value)", entry) for entry in entries]
     for parameter, _ in pairs:
         if not (isinstance(parameter, type) and issubclass(parameter, Parameter)):
@@ -422,13 +420,9 @@ def _check_places(entry: Any) -> tuple[type[Entity], tuple[tuple[float, float], 
     entity, places = _pair("positions", "(entity type, places)", entry)
     if not (isinstance(entity, type) and issubclass(entity, Entity)):
         raise LevelError(f"positions: {entity!r} is not an entity type")
-    wrong = LevelError(f"positions: places of {entity.__name__} must be finite numbers of shape (k, 2)")
-    try:
-        array = np.asarray(places, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise wrong from error
+    array = np.asarray(places, dtype=float)
     if array.ndim != 2 or array.shape[1] != 2 or not np.isfinite(array).all():
-        raise wrong
+        raise LevelError(f"positions: places of {entity.__name__} must be finite numbers of shape (k, 2)")
     return entity, tuple((x, y) for x, y in array.tolist())
 
 
