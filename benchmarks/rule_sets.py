@@ -39,7 +39,9 @@ def _specialised(levels: Levels, index: int) -> tuple[Levels, list[str]]:
     """The levels in a world that has the rules of one of them alone, and the options that are active there."""
     space = rule_space_of(levels)
     names = [name for name, is_active in zip(space.names, active_options(levels)[index], strict=True) if is_active]
-    return replace(levels, world=World(space.rules_of(names), on_contact=space.on_contact_of(names))), names
+    chosen = [space.options[k] for k in sorted(map(space.index, names))]
+    rules = (*space.always, *(rule for option in chosen for rule in option.rules))
+    return replace(levels, world=World(rules, on_contact=[rule for one in chosen for rule in one.on_contact])), names
 
 
 def _start(levels: Levels, index: int) -> State:

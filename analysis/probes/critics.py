@@ -172,9 +172,7 @@ def train_distance_critics(
         optimizer.param_groups[0]["lr"] = settings.learning_rate * (1 + math.cos(math.pi * step / settings.steps)) / 2
         rows = torch.stack([rows[torch.randperm(len(rows), generator=rng)[:size]] for rows in sets])
         loss = -objective(critics(x[rows], z[rows]), marginal_pairs(group[rows])).sum()
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
+        descend(optimizer, loss)
     return critics.eval()
 
 
@@ -201,10 +199,15 @@ def train_paper_critic(
             for rows in order[: len(x) // PAPER_BATCH * PAPER_BATCH].split(PAPER_BATCH):
                 joint, marginal = critic(x[rows], z[rows]), critic(*shuffle(x[rows], z[rows]))
                 loss = F.softplus(-joint).mean() + F.softplus(marginal).mean()
-                optimizer.zero_grad()
-                loss.backward()
-                optimizer.step()
+                descend(optimizer, loss)
     return critic.eval()
+
+
+def descend(optimizer: torch.optim.Optimizer, loss: Tensor) -> None:
+    """Takes a step down the gradient of the loss."""
+    optimizer.zero_grad()
+    loss.backward()
+    optimizer.step()
 
 
 def draw_weights(critic: nn.Module, rng: torch.Generator) -> None:

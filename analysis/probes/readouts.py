@@ -10,7 +10,7 @@ from sklearn.linear_model import LogisticRegression
 from torch import Tensor
 from torch.nn import functional as F
 
-from segar.analysis.probes.critics import Embedding, draw_weights, torch_rng
+from segar.analysis.probes.critics import Embedding, descend, draw_weights, torch_rng
 from segar.analysis.probes.pairs import Pairs, episode_folds
 from segar.analysis.tables import Floats, Ints
 
@@ -106,9 +106,7 @@ def predict_fold(x: NDArray[np.float32], pairs: Pairs, rest: Any, test: Any, rng
         rows = torch.randperm(len(seen), generator=rng)[:BATCH]
         predicted = network(seen[rows]).split([head.outputs for head in heads], 1)
         loss = sum((head.loss(part, rows) for head, part in zip(heads, predicted, strict=True)), torch.zeros(()))
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
+        descend(optimizer, loss)
         schedule.step()
     with torch.no_grad():
         predicted = network(torch.from_numpy(x[test])).split([head.outputs for head in heads], 1)

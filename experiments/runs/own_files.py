@@ -57,7 +57,9 @@ def own_files(module: str, texts: Collection[str] = ()) -> dict[str, str]:
     """
     reached = _files_of(module, texts)
     found = {name: file_digest(path) for name, (path, _) in sorted(reached.items())}
-    seen_by = {source: _seen_by(source) for source in {source for _, source in reached.values()}}
+    naming = {source: imported_from(source) for source in {source for _, source in reached.values()}}
+    # What the files that a source names held when they were first found; nothing is kept where it is not imported.
+    seen_by = {source: _as_seen.setdefault(one[0], {}) if one else {} for source, one in naming.items()}
     changed = [
         name for name, now in found.items() if _at_first(reached[name][0], seen_by[reached[name][1]], now) != now
     ]
@@ -88,12 +90,6 @@ def _at_first(path: Path, seen: dict[Path, str], now: str) -> str:
     """The fingerprint of a file at its import, or else in ``seen``, to which it is added where it is not there."""
     imported = imported_from(path)
     return seen.setdefault(path, now) if imported is None else _of_source(imported[1])
-
-
-def _seen_by(source: Path) -> dict[Path, str]:
-    """What the files that a source names held when they were first found; nothing is kept where it is not imported."""
-    imported = imported_from(source)
-    return {} if imported is None else _as_seen.setdefault(imported[0], {})
 
 
 def _files_of(module: str, texts: Collection[str]) -> dict[str, tuple[Path, Path]]:

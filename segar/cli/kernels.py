@@ -59,7 +59,8 @@ def compile_kernels(chosen: argparse.Namespace) -> None:
     found: dict[Path, tuple[Levels, Task, list[str]]] = {}
     for name in chosen.names or (*families(), *TASK_LEVELS):
         levels = find_distribution(name).sample(1)
-        for its_task in [task_named(chosen.task, levels)] if chosen.task else _tasks_of(name, levels):
+        of_ids = [puttputt(reward) for reward in REWARDS.values()] if name in families() else [task_of(levels)]
+        for its_task in [task_named(chosen.task, levels)] if chosen.task else of_ids:
             path = engine.kernel_path(_generate(levels, its_task).text)
             found.setdefault(path, (levels, its_task, []))[2].append(name)
     start, compiled = time.perf_counter(), 0
@@ -115,11 +116,6 @@ def show_kernel(chosen: argparse.Namespace) -> None:
 def _place(rule: Rule) -> str:
     """``file:line`` of a rule's function."""
     return f"{rule.function.__code__.co_filename}:{rule.function.__code__.co_firstlineno}"
-
-
-def _tasks_of(name: str, levels: Levels) -> list[Task]:
-    """The tasks that the Gymnasium ids of a distribution have."""
-    return [puttputt(reward) for reward in REWARDS.values()] if name in families() else [task_of(levels)]
 
 
 def _generate(levels: Levels, task: Task) -> engine.KernelSource:

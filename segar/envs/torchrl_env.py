@@ -146,11 +146,8 @@ def _named(observation: Any) -> dict[str, Any]:
     """The entries of an observation, or of its space, by key."""
     if isinstance(observation, (dict, spaces.Dict)):
         return dict(observation.items())
-    return {"observation" if isinstance(observation, (tuple, spaces.Tuple)) else _key_of(observation): observation}
-
-
-def _key_of(array: np.ndarray | torch.Tensor | spaces.Box) -> str:
-    return "pixels" if array.dtype in (np.uint8, torch.uint8) else "observation"
+    is_frame = not isinstance(observation, (tuple, spaces.Tuple)) and observation.dtype in (np.uint8, torch.uint8)
+    return {"pixels" if is_frame else "observation": observation}
 
 
 def _parts(observation: Any) -> dict[str, Any]:

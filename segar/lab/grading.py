@@ -12,7 +12,7 @@ from segar.lab.hidden_world import Lab
 from segar.lab.laws import EMPTY, bits_of, law_in, levels_of
 from segar.language import Position
 from segar.levels import Levels
-from segar.metrics import Outcomes, squared_distances
+from segar.metrics import squared_distances
 
 GRADED_LEVELS = 16  # of each set
 HORIZONS = (1, 5, 10)  # steps; later, what bodies touched when decides more than the law does
@@ -89,8 +89,9 @@ class Grader:
 
     def _squares(self, laws: Levels) -> np.ndarray:
         """Squared distances of laws from the hidden one, float64 ``(sets, laws, levels)``."""
-        pairs = zip(self._truth, self.situations.values(), strict=True)
-        return np.stack([_by_level(truth, situations.outcomes(laws)) for truth, situations in pairs])
+        found = [situations.outcomes(laws) for situations in self.situations.values()]
+        pairs = zip(self._truth, found, strict=True)
+        return np.stack([squared_distances(truth, one, GRADED_LEVELS)[:, 0].T[one.of_level] for truth, one in pairs])
 
     def _grade(self, law: Any, scores: np.ndarray, distances: np.ndarray, start: np.ndarray) -> Grade:
         truth, answer = self._law, law.get("options", {})
@@ -105,10 +106,6 @@ class Grader:
             {c: abs(answer[name][c] - value) for name in right for c, value in truth[name].items()},
             bits_of(self.lab, law),
         )
-
-
-def _by_level(truth: Outcomes, found: Outcomes) -> np.ndarray:
-    return squared_distances(truth, found, GRADED_LEVELS)[:, 0].T[found.of_level]
 
 
 def _interval(scores: np.ndarray) -> Interval:

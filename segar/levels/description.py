@@ -80,7 +80,8 @@ def layout_of(description: Mapping[str, Any], path: Path, world: World | None) -
     layout = Layout(
         tuple(Slot(s["name"], tuple(types[k] for k in s["types"]), s["optional"]) for s in described), tuple(extra)
     )
-    if layout.types != tuple(types) or len(set(layout.names)) < len(described) or _lacks_floor(layout):
+    has_floor = layout.slots and layout.slots[-1].types == (GlobalFriction,)  # as every level has it there
+    if layout.types != tuple(types) or len(set(layout.names)) < len(described) or not has_floor:
         raise LevelError(
             f"{path}: its slots must have names of their own and end with the arena's floor, and its types stand in the"
             " order of the slots; save the levels again"
@@ -116,11 +117,6 @@ def origin_of(description: Mapping[str, Any], layout: Layout, indices: np.ndarra
 
 def _class_address(cls: type) -> dict[str, Any]:
     return {"name": cls.__name__, "module": cls.__module__, "qualname": cls.__qualname__}
-
-
-def _lacks_floor(layout: Layout) -> bool:
-    """Whether the last slot is another than the arena's floor, which every level has there."""
-    return not layout.slots or layout.slots[-1].types != (GlobalFriction,)
 
 
 def _moments(description: Mapping[str, Any], layout: Layout, path: Path) -> Moments:

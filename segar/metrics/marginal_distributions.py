@@ -56,7 +56,8 @@ def factor_distribution(distribution: LevelDistribution, entity: type[Entity], f
                     f"{distribution}: {entity.__name__} has no {factor.__name__} with a distribution of its own: its prior"
                     " reads other factors. Compare with levels drawn from the distribution, or leave it out by factors=[...]"
                 )
-            parts.append((found[factor], share * _filled(group, place)))
+            values, masses = as_noise(group.count).atoms
+            parts.append((found[factor], share * float(masses[values > place].sum())))
     if not parts:
         raise LevelError(f"{distribution} has no {entity.__name__}")
     return mix(parts)
@@ -113,11 +114,6 @@ def _share(plan: SamplingPlan, group: SlotGroup, entity: type[Entity]) -> float:
     """Probability that a filled slot of the group holds an entity of the type."""
     pairs = zip(group.types, group.probabilities, strict=True)
     return sum(p for kind, p in pairs if plan.layout.types[kind] is entity)
-
-
-def _filled(group: SlotGroup, place: int) -> float:
-    values, masses = as_noise(group.count).atoms
-    return float(masses[values > place].sum())
 
 
 def _group_count(group: SlotGroup, share: float) -> np.ndarray:

@@ -177,10 +177,6 @@ def _soft_argmax(layer: Layer, given: Sequence[Shape]) -> Shape:
     return Shape(given[0].images, 1, 1, 2 * given[0].channels)
 
 
-def _movements(layer: Layer, given: Sequence[Shape]) -> Shape:
-    return Shape(1, 1, 1, given[0].size)
-
-
 def _core(gates: int) -> Callable[[Layer, Sequence[Shape]], Shape]:
     def shape(layer: Layer, given: Sequence[Shape]) -> Shape:
         width = len(layer.arrays["weight_memory"])
@@ -209,7 +205,7 @@ KINDS: Mapping[str, Kind] = {
     "flatten": Kind(1, {}, {}, _flatten),
     "layer_norm": Kind(1, {"epsilon": float}, {"weight": 1, "bias": 1}, _layer_norm),
     "soft_argmax": Kind(1, {}, {"places": 2}, _soft_argmax),
-    "movements": Kind(1, {"factor": float}, {}, _movements),
+    "movements": Kind(1, {"factor": float}, {}, lambda layer, given: Shape(1, 1, 1, given[0].size)),
     "gru": Kind(1, {}, _CORE, _core(3)),
     "lstm": Kind(1, {}, _CORE, _core(4)),
 }

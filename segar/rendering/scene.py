@@ -152,7 +152,8 @@ class Stage:
         # Among tiles the lowest Order lies on top, among objects the highest, as in pixel observations.
         tiles = sorted((f for f in found if f and f.is_tile), key=lambda f: -f.order)
         objects = sorted((f for f in found if f and not f.is_tile), key=lambda f: f.order)
-        charges, magnets = (_listens(self.world, factor) for factor in (language.Charge, language.Magnetism))
+        asked = {f for rule in self.world.rules for pattern in rule.signature.entities for f in pattern.factors}
+        charges, magnets = (factor in asked for factor in (language.Charge, language.Magnetism))
         return Scene((*tiles, *objects), self.world.walls, charges, magnets, line)
 
     @cached_property
@@ -166,11 +167,6 @@ class Stage:
     @cached_property
     def palette(self) -> Mapping[type[language.Entity], Colour]:
         return {**COLOURS, **self.colours}
-
-
-def _listens(world: language.WorldRules, factor: type[language.Factor]) -> bool:
-    """Whether some rule asks for the factor."""
-    return any(factor in pattern.factors for rule in world.rules for pattern in rule.signature.entities)
 
 
 def _figure(stage: Stage, level: int, slot: int, row: np.ndarray) -> Figure | None:

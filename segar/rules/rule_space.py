@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import RuleError, did_you_mean
-from segar.language import Entity, Parameter, Rule, as_rule, matches
+from segar.language import Entity, Parameter, as_rule, matches
 from segar.noise import (
     Bernoulli,
     Choice,
@@ -108,15 +108,6 @@ class RuleSpace:
         if one not in places or other not in places:
             return True
         return bool(self.combinations.together[places[one], places[other]])  # type: ignore[index]
-
-    def rules_of(self, active: Sequence[str]) -> tuple[Rule, ...]:
-        """The rules of a world in which these options hold in every level, and no others."""
-        chosen = sorted(map(self.index, active))
-        return (*self.always, *(rule for k in chosen for rule in self.options[k].rules))
-
-    def on_contact_of(self, active: Sequence[str]) -> tuple[Rule, ...]:
-        """As :meth:`rules_of`, the rules that note a contact."""
-        return tuple(rule for k in sorted(map(self.index, active)) for rule in self.options[k].on_contact)
 
     # -- the distribution ----------------------------------------------------------------------------------------
 

@@ -10,10 +10,6 @@ from segar.tasks import remembering_world
 STILL = (1.0, 0.0)  # probabilities of none and one active option
 
 
-def _without_friction() -> World:
-    return World(rules=[rule for rule in DEFAULT_RULES if rule not in (apply_friction, record_drag)])
-
-
 def _dynamics(by: str, part: str) -> Callable[[], World]:
     return lambda: World(templates.dynamics_space().split(part, by))
 
@@ -25,7 +21,7 @@ def _drifting_goal(active: int | Choice, *speeds: float) -> Callable[[], World]:
 _MAKERS: Mapping[str, Callable[[], World] | None] = {
     "default": None,
     "default, and the ball remembers": remembering_world,
-    "without friction": _without_friction,
+    "without friction": lambda: World([rule for rule in DEFAULT_RULES if rule not in (apply_friction, record_drag)]),
     **{f"dynamics, {by}, {part}": _dynamics(by, part) for by in ("combinations", "rules", "constants")
        for part in ("train", "test")},
     "goal drifts slowly": _drifting_goal(1, -0.1, -0.05, 0.05, 0.1),

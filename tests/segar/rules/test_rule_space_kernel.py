@@ -21,7 +21,10 @@ def specialised(levels: Levels) -> Levels:
     """One level in a world that has its rules alone."""
     space = rule_space_of(levels)
     names = [name for name, is_active in zip(space.names, active_options(levels)[0], strict=True) if is_active]
-    return dataclasses.replace(levels, world=World(space.rules_of(names), on_contact=space.on_contact_of(names)))
+    chosen = [space.options[k] for k in sorted(map(space.index, names))]
+    rules = (*space.always, *(rule for option in chosen for rule in option.rules))
+    notes = [rule for option in chosen for rule in option.on_contact]
+    return dataclasses.replace(levels, world=World(rules, on_contact=notes))
 
 
 def charged(levels: Levels) -> Levels:
