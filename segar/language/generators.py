@@ -2,10 +2,12 @@
 
 import dis
 import functools
+import itertools
 import linecache
 import pickle
 import random
 import sys
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
@@ -16,6 +18,7 @@ from segar.errors import RuleError
 
 GENERATORS = (random.Random, np.random.BitGenerator, np.random.RandomState)
 OTHERS = ("segar", "numpy", *sys.stdlib_module_names)  # packages whose functions and classes are not looked into
+CONTAINERS = (dict, list, set, deque)
 MOST_REACHED = 1000  # objects that are looked at
 LARGE = 100  # containers with more elements hold data
 
@@ -39,6 +42,14 @@ def reached_by(function: Callable[..., Any]) -> list[Any]:
 def generators_of(reached: Sequence[Any]) -> list[Any]:
     """The generators of Python and of numpy among what a function reaches."""
     return [one for one in reached if isinstance(one, GENERATORS) and not isinstance(one, random.SystemRandom)]
+
+
+def links_of(reached: Sequence[Any]) -> list[Any]:
+    """What each of these objects leads to, and how far counters and containers are; other ones once something was changed."""
+    counts = (
+        repr(one) if isinstance(one, itertools.count) else isinstance(one, CONTAINERS) and len(one) for one in reached
+    )
+    return [([*map(id, _reached(one))], count) for one, count in zip(reached, counts, strict=True)]
 
 
 def require_traceable(reached: Sequence[Any], where: str) -> None:
@@ -81,7 +92,11 @@ def _refusal(
     """What a rule cannot use of an instruction, and what to write instead; None for any other instruction."""
     if at.opname == "PUSH_EXC_INFO":
         return "'try' and 'with': what raises while it is compiled is not what raises for numbers; test with 'if'"
-    if at.opname == "IS_OP" and not (before.opname == "LOAD_CONST" and before.argval is None):
+    is_named = at.opname in ("LOAD_ATTR", "LOAD_METHOD", "LOAD_GLOBAL") and at.argval in (
+        "is_",
+        "is_not",
+    )  # of operator
+    if is_named or (at.opname == "IS_OP" and not (before.opname == "LOAD_CONST" and before.argval is None)):
         return "'is': a number is another object each time, and none while the rule is compiled; write '==', or 'x is None'"
     # To call what type(v) is, as in type(v)(x, y), makes another vector.
     makes_another = "PUSH_NULL" in {before.opname, *(one.opname for one in after)}
@@ -144,7 +159,7 @@ def _named_by(function: FunctionType) -> list[Any]:
             found.append(cell.cell_contents)
         except ValueError:  # not filled yet
             continue
-    found += [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
+    found += [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values(), *vars(function).values()]
     return [
         one
         for one in found

@@ -15,6 +15,8 @@ from segar.language.rule_definition import rule, value_rule
 
 RNG, PLAIN, LEGACY = np.random.default_rng(5), random.Random(5), np.random.RandomState(5)
 COUNTER = itertools.count()
+CALLS: list[int] = []
+TIMES = 0
 
 
 class Weather:
@@ -28,12 +30,39 @@ class Weather:
         return self.rng.random() < 1e-9
 
 
-WEATHER = Weather()
+class Visits:
+    """An object of the author's that counts."""
+
+    number = 0
+
+    def seen(self):
+        """How often it was asked."""
+        self.number += 1
+        return self.number
+
+
+WEATHER, VISITS = Weather(), Visits()
+
+
+def counts_by_a_name():
+    global TIMES
+    TIMES += 1
+    return TIMES
+
+
+def counts_by_itself():
+    counts_by_itself.calls = getattr(counts_by_itself, "calls", 0) + 1
+    return counts_by_itself.calls
 
 
 def helper():
     """A helper of the author's that draws."""
     return float(RNG.integers(10**9))
+
+
+def after_many(count):
+    """What two calls do not tell from a constant."""
+    return 1.0 if count > 10**6 else 2.0
 
 
 SOURCES = {
@@ -51,6 +80,12 @@ SOURCES = {
     "a fast clock": lambda: time.perf_counter(),
     "a counter": lambda: float(next(COUNTER)),
     "a list that grows": lambda rows=[]: float(len(rows.append(0) or rows)),
+    "a list that grows long": lambda: after_many(len(CALLS.append(0) or CALLS)),
+    "a count in a dictionary": lambda kept={}: after_many(kept.setdefault("n", kept.pop("n", 0) + 1)),
+    "a count by a name": lambda: after_many(counts_by_a_name()),
+    "a count of the function's own": lambda: after_many(counts_by_itself()),
+    "a count of an object": lambda: after_many(VISITS.seen()),
+    "a count of itertools": lambda: after_many(next(COUNTER)),
 }
 READ_ONCE = r"draws from a generator of random numbers|computes something else when it is called again"
 

@@ -165,6 +165,7 @@ REFUSED = {
     "class": lambda m: of_truth(m.__class__ == float),  # noqa: E721
     "id": lambda m: id(m) % 2 * 1.0,
     "is": lambda m: of_truth(m is SETTINGS.strength),
+    "is_ of operator": lambda m: of_truth(operator.is_not(m > 1, True)),
     "match a truth": matched_truth,
     "a method that asks for a type": lambda m: SETTINGS.typed(m),
     "try": caught,
