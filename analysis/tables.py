@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from segar.errors import SegarError
 from segar.experiments.runs.files import opened_table, replacing
 from segar.experiments.settings import RunFolderError
 from segar.support import content_of
@@ -86,5 +87,8 @@ def count_of(table: pd.DataFrame, name: str) -> int:
 
 
 def column(table: pd.DataFrame, name: str) -> Floats:
-    """A column as float64."""
-    return table[name].to_numpy(dtype=np.float64)
+    """A column as float64, NaN where a value is missing; raises :class:`SegarError` where one is no number."""
+    try:
+        return table[name].to_numpy(dtype=np.float64, na_value=np.nan)
+    except (TypeError, ValueError) as error:
+        raise SegarError(f"the column '{name}' has values that are no numbers: {error}") from error

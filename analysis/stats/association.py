@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from segar.analysis.stats.correlation import correlate, indicators, residuals, without_outliers
-from segar.analysis.tables import Floats
+from segar.analysis.tables import Floats, column
 from segar.errors import SegarError, did_you_mean
 
 
@@ -48,7 +48,7 @@ def associations(
         keep = kept(table, x, y, names, rule)
         part, part_names = table.loc[keep], names[keep]
         removed = int((~keep).sum())
-        a, b = (part[name].to_numpy(np.float64) for name in (x, y))
+        a, b = (column(part, name) for name in (x, y))
         panels = indicators(part_names)
         tests = [("pooled", "", correlate(a, b)), ("given panel", "", correlate(a, b, panels))]
         if given:
@@ -72,7 +72,7 @@ def associations(
 
 def kept(table: pd.DataFrame, x: str, y: str, names: NDArray[Any], rule: str) -> NDArray[np.bool_]:
     """Which rows an outlier rule keeps: "kept", "removed: points" or "removed: residuals", see :func:`associations`."""
-    a, b = (table[name].to_numpy(np.float64) for name in (x, y))
+    a, b = (column(table, name) for name in (x, y))
     if rule == "kept":
         return np.ones(len(table), np.bool_)
     if rule == "removed: residuals":
@@ -126,15 +126,19 @@ def labels(table: pd.DataFrame, names: Sequence[str]) -> NDArray[Any]:
 
 def logarithms(table: pd.DataFrame, names: Sequence[str]) -> Floats:
     """The logarithms of columns [n, k]; raises :class:`SegarError` where there is none."""
-    values = table[list(names)].to_numpy(np.float64)
+    values = np.column_stack([column(table, name) for name in names])
     if not (values > 0).all():
         raise SegarError(f"a value of {', '.join(names)} has no logarithm")
     return np.log(values)
 
 
 def require(table: pd.DataFrame, *names: str) -> None:
-    """Raises :class:`SegarError` unless the table has these columns."""
+    """Raises :class:`SegarError` unless the table has each of these columns once."""
     known = [str(name) for name in table.columns]
     for name in names:
         if name not in known:
             raise SegarError(f"the table has no column '{name}'.{did_you_mean(name, known)}")
+        if known.count(name) > 1:
+            raise SegarError(
+                f"the table has {known.count(name)} columns '{name}'; leave one, or give them names of their own"
+            )

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from segar.analysis.stats.association import require
-from segar.analysis.tables import Floats
+from segar.analysis.tables import Floats, column
 from segar.errors import SegarError
 
 MOST_GROUPS = 8  # 256 sets of levels
@@ -64,4 +64,4 @@ def value_cube(table: pd.DataFrame, groups: Sequence[str], value: str) -> Floats
     expected = np.tile(full_factorial(groups), (pairs, 1))
     if not np.array_equal(ordered[list(groups)], expected):
         raise SegarError(f"every pair must have all {2 ** len(groups)} combinations of {', '.join(groups)} once")
-    return ordered[value].to_numpy(np.float64).reshape(pairs, *(2,) * len(groups))
+    return column(ordered, value).reshape(pairs, *(2,) * len(groups))

@@ -7,7 +7,7 @@ import pandas as pd
 
 from segar.analysis.stats.association import keys, require
 from segar.analysis.stats.correlation import explained, why_not
-from segar.analysis.tables import Floats
+from segar.analysis.tables import Floats, column
 
 
 def left_out(
@@ -24,11 +24,11 @@ def left_out(
     one group, or a missing value.
     """
     require(table, y, *groups, *(name for names in predictors.values() for name in names))
-    target = table[y].to_numpy(np.float64)
+    target = column(table, y)
     place = keys(table, groups)
     rows = []
     for name, columns in predictors.items():
-        x = table[list(columns)].to_numpy(np.float64)
+        x = np.column_stack([np.empty((len(table), 0)), *(column(table, one) for one in columns)])
         r2 = explained(target, x)
         freedom = len(target) - x.shape[1] - 1
         adjusted = 1 - (1 - r2) * (len(target) - 1) / freedom if freedom > 0 else np.nan

@@ -11,10 +11,10 @@ from scipy import stats
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
-from segar.analysis.stats.association import holm
+from segar.analysis.stats.association import holm, keys, require
 from segar.analysis.stats.correlation import why_not
 from segar.analysis.stats.estimate import ROUNDING, Estimate, difference, mean_of_replicates
-from segar.analysis.tables import Floats
+from segar.analysis.tables import Floats, column
 
 FEWEST_SEEDS = 5  # that a row needs for a place
 ALPHA = 0.05
@@ -83,16 +83,18 @@ class Generalizability:
 
 def generalizability(table: pd.DataFrame, value: str, method: str, suite: str, seed: str) -> Generalizability | None:
     """The variance components of a table with one line for each method, suite and seed, by the mean squares of its analysis of
-    variance; None where there are not two of each, some have no line or no number, or all values are one.
+    variance; None where there are not two of each, some have no line or no number, or all values are one. Raises
+    :class:`SegarError` where a line has no method, suite or seed, or a value is no number.
 
     What rounding leaves of a component is 0, and so is the coefficient of methods that do not differ.
     """
-    counts = [len(set(table[one])) for one in (method, suite, seed)]
+    require(table, value, method, suite, seed)
+    counts = [len(set(keys(table, [one]))) for one in (method, suite, seed)]
     methods, suites, seeds = counts
-    has_all = len(table[[method, suite, seed]].drop_duplicates()) == len(table) == methods * suites * seeds
-    if min(counts) < 2 or not has_all or why_not(table[value].to_numpy(np.float64)):
+    has_all = len(set(keys(table, [method, suite, seed]))) == len(table) == methods * suites * seeds
+    if min(counts) < 2 or not has_all or why_not(y := column(table, value)):
         return None
-    data = pd.DataFrame({"y": table[value], "m": table[method], "s": table[suite], "k": table[seed].astype(str)})
+    data = pd.DataFrame({"y": y, "m": keys(table, [method]), "s": keys(table, [suite]), "k": keys(table, [seed])})
     squares = anova_lm(ols("y ~ C(m) * C(s) + C(s):C(k)", data).fit())
     squares.loc[squares["sum_sq"] <= ROUNDING * (data["y"] ** 2).sum(), "sum_sq"] = 0.0
     of = (squares["sum_sq"] / squares["df"]).to_dict()

@@ -16,7 +16,7 @@ from scipy import stats
 from segar.analysis.stats.association import keys, labels, require
 from segar.analysis.stats.estimate import Estimate, difference
 from segar.analysis.stats.resampling import FEWEST_UNITS
-from segar.analysis.tables import Floats
+from segar.analysis.tables import Floats, column
 from segar.errors import SegarError, did_you_mean
 
 RESAMPLES = 2000
@@ -157,7 +157,7 @@ def matrices(table: pd.DataFrame, score: str, task: Sequence[str]) -> dict[str, 
     require(table, score, "algorithm", "seed", *task)
     found: dict[str, Scores] = {}
     whose, tasks, _ = (keys(table, names) for names in (("algorithm",), task, ("seed",)))
-    for _, part in table.assign(task=tasks).groupby(whose, dropna=False):
+    for _, part in table.assign(task=tasks, **{score: column(table, score)}).groupby(whose, dropna=False):
         name = part["algorithm"].iloc[0]
         wide = part.pivot_table(score, "seed", "task", aggfunc=list, dropna=False)
         ragged = [(r, t) for r, row in wide.iterrows() for t, v in row.items() if not isinstance(v, list) or len(v) > 1]

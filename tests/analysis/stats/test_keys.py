@@ -14,6 +14,7 @@ from segar.analysis.runs import summarise
 from segar.analysis.stats.association import associations, keys
 from segar.analysis.stats.mixed import mixed_model
 from segar.analysis.stats.prediction import left_out
+from segar.analysis.stats.ranking import generalizability
 from segar.analysis.stats.resampling import cluster_jackknife, permutation_of_blocks
 from segar.analysis.stats.scores import aggregates, probability_of_improvement
 from segar.analysis.tables import mean_by
@@ -93,6 +94,26 @@ def test_a_row_without_a_key_is_refused_by_the_name_of_the_column(name, call, no
     table.loc[3, name] = nothing
     with pytest.raises(SegarError, match=f"1 of 12 rows have no {name}, which says what belongs together"):
         call(table, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("call", [call for calls in CALLS.values() for call in calls])
+def test_a_column_that_stands_twice_or_holds_words_is_refused(call):
+    table = twins().astype({"seed": "Int64", "y": "Float64"})
+    with pytest.raises(SegarError, match=r"the table has 2 columns '(seed|y)'"):
+        call(pd.concat([table, table[["seed", "y"]]], axis=1), np.random.default_rng(0))
+    if "mean_of_y" not in call.__code__.co_names:  # a statistic of the test's own reads it
+        with pytest.raises(SegarError, match="the column 'y' has values that are no numbers"):
+            call(table.astype({"y": object}).assign(y="high"), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("name", ["algorithm", "family", "seed"])
+def test_variance_components_need_a_method_a_suite_and_a_seed_in_each_line(name):
+    table = twins().astype({name: object, "y": "Float64"})
+    two = pd.concat([table, table.assign(algorithm="sac", y=table["y"] ** 2)], ignore_index=True)
+    assert generalizability(two, "y", "algorithm", "family", "seed") is not None
+    with pytest.raises(SegarError, match=f"rows have no {name}, which says"):
+        lacking = two[name] == two[name][0]
+        generalizability(two.assign(**{name: two[name].mask(lacking, None)}), "y", "algorithm", "family", "seed")
 
 
 def test_means_of_groups_without_a_name_are_kept():
