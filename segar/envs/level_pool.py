@@ -140,7 +140,7 @@ class LevelPool:
         mixed, given = with_room(self.levels, levels)[rows].writable(), with_room(levels, self.levels)
         for name in LEVEL_ARRAYS:
             getattr(mixed, name)[places] = getattr(given, name)
-        indices_in_split = mixed.provenance.indices
+        indices_in_split = mixed.provenance.indices.copy()
         indices_in_split[places] = levels.provenance.indices
         origin = _origin(self.levels.provenance, levels.provenance, indices_in_split)
         return replace(self, levels=Levels(**{**vars(mixed), "provenance": origin}), bases=bases), playing

@@ -14,7 +14,7 @@ from segar.errors import SegarError
 from segar.hardness.rollouts import Episodes, ForkedEpisodes, OpenLoop, Starts, make_starts, play_forks, scripted
 from segar.language import Task
 from segar.levels import Levels, checks
-from segar.support import ArchiveFormat, Form
+from segar.support import ArchiveFormat, Form, read_only
 
 BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
 ELITES = 0.125  # share of the candidates that the next ones are drawn around
@@ -57,6 +57,10 @@ class Plan:
     task: str
     seed: int
     rollouts: int
+
+    def __post_init__(self) -> None:
+        for name in PLAN_ARRAYS:  # those of suites are shared, as their levels are
+            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def __len__(self) -> int:
         return len(self.steps)

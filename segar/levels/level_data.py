@@ -112,13 +112,6 @@ class LevelData:
             self.vertices[levels, slot, : len(shape.vertices)] = shape.vertices
 
 
-def read_only(array: np.ndarray) -> np.ndarray:
-    """The same numbers as an array that cannot be written."""
-    seen = array.view()
-    seen.flags.writeable = False
-    return seen
-
-
 def layout_on_floor(slots: Iterable[Slot], parameters: Iterable[type[Parameter]]) -> Layout:
     """The layout of these slots, the arena's floor behind them, and of the parameters that are not built in."""
     extra = tuple(p for p in parameters if p not in BUILT_IN_PARAMETERS)

@@ -19,12 +19,12 @@ from segar.errors import LevelError, PlacementError
 from segar.language import Entity, Layout, Parameter
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
 from segar.levels.from_entities import levels_of_entities
-from segar.levels.level_data import LEVEL_ARRAYS, LevelData, read_only
+from segar.levels.level_data import LEVEL_ARRAYS, LevelData
 from segar.levels.level_json import is_json, levels_of, read_json, write_json
 from segar.levels.sampling.placement import fix_levels
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
-from segar.support import ArchiveFormat, Form, ShownInNotebooks, counted
+from segar.support import ArchiveFormat, Form, ShownInNotebooks, counted, read_only
 
 FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError, DESCRIPTION)
 
@@ -55,6 +55,8 @@ class Levels(LevelData, ShownInNotebooks):
     def __post_init__(self) -> None:
         for name in LEVEL_ARRAYS:  # sets are shared, as those of suites are, and others have seen their hash
             object.__setattr__(self, name, read_only(getattr(self, name)))
+        indices = read_only(self.provenance.indices)
+        object.__setattr__(self, "provenance", dataclasses.replace(self.provenance, indices=indices))
 
     @classmethod
     def load(cls, path: str | PathLike[str], world: World | None = None) -> Levels:

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from segar.errors import PriorError
-from segar.support import Estimate
+from segar.support import Estimate, read_only
 
 NODES = 24  # of Gauss-Legendre quadrature per piece: errors below 1e-10 for Gaussian pieces one sigma wide
 PLANE_NODES = 8  # of quadrature per cell and axis of a grid on the plane
@@ -229,9 +229,9 @@ def check_width(distribution: Noise, width: int) -> None:
 
 
 def joined_atoms(values: np.ndarray, masses: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The distinct ones of ``values``, float64 ``(n,)`` or ``(n, 2)``, ascending, and the sum of the masses of each."""
+    """The distinct ones of ``values``, float64 ``(n,)`` or ``(n, 2)``, ascending, and the summed masses of each; read-only."""
     distinct, place = np.unique(values, axis=0, return_inverse=True)
-    return distinct, np.bincount(place.ravel(), weights=masses, minlength=len(distinct))
+    return read_only(distinct), read_only(np.bincount(place.ravel(), weights=masses, minlength=len(distinct)))
 
 
 def set_fields(owner: object, **fields: Any) -> None:

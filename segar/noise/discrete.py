@@ -11,6 +11,7 @@ import scipy
 from segar.errors import PriorError
 from segar.noise.base import Noise, check_width, fraction, joined_atoms, set_fields, shape_of
 from segar.noise.checks import finite, interval, members, points, probabilities
+from segar.support import read_only
 
 MOST_NUMBERS = 10_000_000  # of a range of whole numbers; each is an atom of 16 bytes
 SHOWN = 8  # values that the repr of an empirical distribution shows
@@ -237,7 +238,7 @@ class Empirical(DiscreteNoise):
     @cached_property
     def atoms(self) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[override]
         values, count = np.unique(self._array, axis=0, return_counts=True)
-        return values, count / len(self._array)
+        return read_only(values), read_only(count / len(self._array))
 
     @cached_property
     def _array(self) -> np.ndarray:

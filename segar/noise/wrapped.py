@@ -12,6 +12,7 @@ import scipy
 from segar.errors import PriorError
 from segar.noise.base import Noise, fraction, gauss_legendre, joined_atoms, set_fields
 from segar.noise.checks import finite
+from segar.support import read_only
 
 SIGMAS = 10  # pieces of one standard deviation, to either side of the mean, before the rest in one piece
 CDF_NODES = 16  # of Gauss-Legendre quadrature within a piece: errors below 1e-14
@@ -68,7 +69,7 @@ class Wrapped(Noise):
     @cached_property
     def pieces(self) -> np.ndarray:  # type: ignore[override]
         half = self.period / 2
-        return np.unique(np.concatenate([[-half, half], wrap(self.law.pieces, self.period)]))
+        return read_only(np.unique(np.concatenate([[-half, half], wrap(self.law.pieces, self.period)])))
 
     def _smooth(self, x: Any) -> np.ndarray:
         """The mass of the unwrapped distribution up to ``x`` that is not in atoms."""

@@ -61,6 +61,7 @@ from .json_forms import (
     json_in as json_in,
     shown as shown,
 )
+from .kept_arrays import read_only as read_only
 from .notebooks import ShownInNotebooks as ShownInNotebooks, templates as templates
 from .npz import (
     DAMAGE as DAMAGE,

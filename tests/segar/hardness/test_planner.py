@@ -73,6 +73,8 @@ def test_a_farther_goal_takes_more_steps():
 
 def test_a_certificate_that_was_tampered_with_does_not_replay():
     levels, found = empty_hard()
+    with pytest.raises(ValueError, match="read-only"):
+        found.actions[7, 0] *= -1  # of a plan that others may share, as that of a suite
     actions = found.actions.copy()
     actions[7, 0] *= -1
     assert not replay(levels, dataclasses.replace(found, actions=actions))[7]

@@ -439,6 +439,12 @@ def test_arrays_of_levels_cannot_be_written(made):
     for name in LEVEL_ARRAYS:
         with pytest.raises(ValueError, match="read-only"):
             getattr(levels, name)[:] = 0
+    with pytest.raises(ValueError, match="read-only"):
+        levels.provenance.indices[:] = 7
+    own = levels.values.copy()
+    follows = dataclasses.replace(levels, values=own)
+    own[:] = 7.0  # which a loop over several sets would do
+    assert follows == levels
 
 
 @pytest.mark.parametrize("name", ["levels.npz", "levels.json"])

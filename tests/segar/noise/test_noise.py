@@ -117,6 +117,15 @@ def test_density_and_atoms_hold_the_whole_mass(distribution):
 
 
 @every_distribution
+def test_what_a_distribution_hands_out_does_not_lead_back_into_it(distribution):
+    before = [one.copy() for one in (distribution.pieces, *distribution.atoms)]
+    for one in (distribution.pieces, *distribution.atoms):
+        if one.flags.writeable:
+            one += 1.0
+    assert all(map(np.array_equal, before, (distribution.pieces, *distribution.atoms)))
+
+
+@every_distribution
 def test_a_distribution_survives_pickling_and_says_how_it_was_made(distribution):
     assert pickle.loads(pickle.dumps(distribution)) == distribution
     names = {name: getattr(sn, name) for name in dir(sn)}

@@ -1,0 +1,11 @@
+"""Arrays that are handed out, and must stay what they are."""
+
+import numpy as np
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """The same numbers as an array that cannot be written: the array itself where it cannot, else a copy."""
+    if array.flags.writeable:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
