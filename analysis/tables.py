@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from segar.errors import SegarError
 from segar.experiments.runs.files import opened_table, replacing
 from segar.experiments.settings import RunFolderError
-from segar.support import content_of
+from segar.support import data_in
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -44,12 +44,12 @@ def read_frame(path: Path) -> pd.DataFrame:
     if path.suffix == ".parquet":
         with opened_table(path) as file:
             return pd.read_parquet(file)
-    text = content_of(path, "table", RunFolderError)
-    try:
-        # A single distribution has no difficulty.
-        return pd.read_csv(BytesIO(text), dtype={"difficulty": str}).fillna({"difficulty": ""})
-    except ValueError as error:
-        raise RunFolderError(f"cannot read the table {path}: {error}") from error
+    return data_in(path, "a table", RunFolderError, read_csv)
+
+
+def read_csv(text: bytes) -> pd.DataFrame:
+    """The table in this text; a single distribution has no difficulty, which is no missing value."""
+    return pd.read_csv(BytesIO(text), dtype={"difficulty": str}).fillna({"difficulty": ""})
 
 
 def select(table: pd.DataFrame, **equal: Any) -> pd.DataFrame:

@@ -72,13 +72,13 @@ from segar.experiments.settings import (
     construct,
     design_hash,
     hand_on_password,
-    read_yaml,
     require,
     run_config,
     without_password,
 )
 from segar.experiments.tracking.mlflow_store import is_server
 from segar.experiments.train import train
+from segar.support import read_yaml
 
 SMALLEST, PREVIEW = SCALES[0], "preview"  # the scale of a first report, and the folder of its runs within the root
 PAGE = "report.html"
@@ -387,10 +387,7 @@ def help_text() -> str:
 
 def experiment_files() -> dict[str, dict[str, Any]]:
     """Name and content of the files of ``conf/experiment``."""
-    return {
-        file.stem: read_yaml(file.read_text(encoding="utf-8"))
-        for file in sorted((conf_dir() / "experiment").glob("*.yaml"))
-    }
+    return {file.stem: read_yaml(file.read_bytes()) for file in sorted((conf_dir() / "experiment").glob("*.yaml"))}
 
 
 def main() -> None:

@@ -184,8 +184,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         raise CheckpointError(
             f"the checkpoint {path} has format {found!r}; this version reads format {FORMAT}. {TRAIN_ANEW}"
         )
-    wrong = misfit(content, FORM)
-    if wrong:
+    if wrong := misfit(content, FORM):
         raise CheckpointError(f"the checkpoint {path} is damaged or none of ours: {wrong}. {TRAIN_ANEW}")
     return content
 

@@ -23,8 +23,8 @@ from segar.experiments.reproduction.experiment_file import (
     experiment_at,
 )
 from segar.experiments.runs.run_folder import LONGEST
-from segar.experiments.settings import ConfigError, add_module_path, construct, flat, read_yaml, require, without_files
-from segar.support import content_of
+from segar.experiments.settings import ConfigError, add_module_path, construct, flat, require, without_files
+from segar.support import data_in, read_yaml
 
 PLAIN = re.compile(r"[A-Za-z0-9_.:/+-]+")  # values that Hydra reads without quotation marks
 # Of the settings in OF_GRID: what every grid says, and what says nothing where a grid says it, too.
@@ -68,11 +68,7 @@ def read_study(path: Path) -> StudyFile:
     Raises:
         ConfigError: the file cannot be read, or says something wrong; the message says where.
     """
-    text = content_of(path.resolve(), "study", ConfigError, LONGEST)
-    try:
-        data = read_yaml(text.decode())
-    except ValueError as error:
-        raise ConfigError(f"cannot read the study {path}: {error}") from error
+    data = data_in(path.resolve(), "a study", ConfigError, read_yaml, LONGEST)
     if not isinstance(data, Mapping):
         raise ConfigError(f"{path} is no study: it holds {type(data).__name__}, not keys such as title and grid")
     if not path.stem.replace("-", "_").isidentifier():

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from segar.experiments.settings import RunFolderError
-from segar.support import DAMAGE, check_size, files, first_line, json_in, misfit, opened
+from segar.support import DAMAGE, check_size, data_in, files, first_line, opened
 
 CELL = 8  # [bytes] that a value of a table takes at most, texts aside
 
@@ -50,10 +50,7 @@ def read_json(path: Path, form: Any = dict, only: bool = False) -> Any:
     Raises:
         RunFolderError: there is no such file, it is no JSON, or the data are of another form; the message names the place.
     """
-    data = json_in(path, f"a {path.name}", RunFolderError)
-    if wrong := misfit(data, form, only=only):
-        raise RunFolderError(f"{path}: {wrong}")
-    return data
+    return data_in(path, f"a {path.name}", RunFolderError, form=form, only=only)
 
 
 def read_table(path: Path) -> pa.Table:

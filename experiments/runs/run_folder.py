@@ -41,11 +41,10 @@ from segar.experiments.settings import (
     RunConfig,
     RunFolderError,
     as_data,
-    read_yaml,
     run_config,
     without_password,
 )
-from segar.support import LOCK, UNFINISHED, WORKSPACE, content_of, locked, remove_unfinished
+from segar.support import LOCK, UNFINISHED, WORKSPACE, content_of, locked, read_yaml, remove_unfinished
 
 CONFIG = "config.yaml"
 LONGEST = 2**20  # [bytes] of the settings of a run
@@ -265,11 +264,11 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
     """
     path = Path(folder) / CONFIG
     try:
-        text = content_of(path.absolute(), "file of settings", RunFolderError, LONGEST).decode()
+        text = content_of(path.absolute(), "file of settings", RunFolderError, LONGEST)
         data = read_yaml(text)
         if not isinstance(data, Mapping):
             raise ConfigError("it holds no settings")
-        data = settings_of_file(path, data, trusted, text)
+        data = settings_of_file(path, data, trusted, text.decode())
         if not own_packages(data):
             data = {**data, "module_path": ()}  # no folder is looked into without need
         return run_config(data)

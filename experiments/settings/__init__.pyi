@@ -103,7 +103,6 @@ from .run import (
     is_distribution as is_distribution,
     named_distributions as named_distributions,
 )
-from .yaml_text import read_yaml as read_yaml
 
 __all__ = [
     "ACCELConfig", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig", "CheckpointError", "ConfigError", "Count",

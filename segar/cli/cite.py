@@ -8,7 +8,7 @@ from typing import Any
 
 from segar.cli import arguments
 from segar.errors import SegarError
-from segar.support import __version__, installed_version, misfit, need
+from segar.support import __version__, data_in, installed_version, need
 
 SOFTWARE = {
     "author": "{SEGAR developers}",
@@ -80,10 +80,7 @@ def about_run(folder: Path) -> dict[str, Any]:
     summary = _data_in(folder / SUMMARY) if (folder / SUMMARY).is_file() else {}
     settings["frames"] = settings["scale"].get("frames")
     libraries, commit, levels, code = (made.get(name) or {} for name in ("libraries", "git", "levels", "code"))
-    try:
-        flat = dict(_leaves({name: settings[name] for name in DECIDES if name in settings}))
-    except RecursionError:
-        raise SegarError(f"{folder / CONFIG} is not of a run: a part of it contains itself") from None
+    flat = dict(_leaves({name: settings[name] for name in DECIDES if name in settings}))
     return {
         "run": {"name": summary.get("label", folder.resolve().name), "finished": bool(summary)},
         "versions": {
@@ -103,15 +100,9 @@ def about_run(folder: Path) -> dict[str, Any]:
 def _data_in(path: Path) -> dict[str, Any]:
     """The names and values in a file of YAML, or JSON, as plain data; no code that they name is imported."""
     need("reading the files of a run", "yaml")
-    import yaml
+    from segar.support import read_yaml
 
-    try:
-        data = yaml.safe_load(path.read_bytes())
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise SegarError(f"{path} cannot be read: {error}") from error
-    if wrong := misfit(data, FORMS[path.name]):
-        raise SegarError(f"{path} is not of a run: {wrong}")
-    return data
+    return data_in(path, "a file of a run", SegarError, read_yaml, form=FORMS[path.name])
 
 
 def _leaves(data: Mapping[str, Any], place: str = "") -> Iterator[tuple[str, Any]]:

@@ -20,7 +20,7 @@ from segar.errors import SegarError
 from segar.evaluation import require_options
 from segar.levels import Levels, family, hash_of_levels
 from segar.observations import leaves
-from segar.support import counted, is_whole, json_in, locked, need, replacing
+from segar.support import counted, data_in, is_whole, locked, need, replacing
 from segar.tasks import TASKS
 
 RECIPE = "recipe.json"
@@ -163,7 +163,7 @@ def _unfinished(dataset_id: str, recipe: Recipe) -> Iterator[Path]:
     with locked(folder, SegarError, "wait until it has recorded, or choose another name"):
         begun = folder / RECIPE
         if begun.exists():
-            there = recipe_from(json_in(begun, "a recipe", SegarError), str(begun))
+            there = recipe_from(data_in(begun, "a recipe", SegarError), str(begun))
             there.require_same(recipe, f"{folder} holds a recording")
         else:
             with replacing(begun, "the recipe") as beside:

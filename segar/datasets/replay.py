@@ -17,7 +17,7 @@ from segar.language import Task
 from segar.levels import Levels, levels_from_data
 from segar.observations import OBSERVATIONS, leaves
 from segar.rules import World
-from segar.support import __version__, check_form, check_size, from_handwritten_json, json_in, shown
+from segar.support import __version__, check_form, check_size, data_in, from_handwritten_json, shown
 from segar.tasks import task_of
 
 # Of recordings of human play.
@@ -124,7 +124,7 @@ def read_play(
             another return or end when its actions are played again.
     """
     path = Path(path)
-    data = json_in(path, "a recording of play", SegarError, from_handwritten_json)
+    data = data_in(path, "a recording of play", SegarError, from_handwritten_json)
     check_form(str(path), data, "a recording of play", FORMAT, VERSION, FORM, SegarError)
     levels = levels_from_data(data["levels"], path, "levels.", world)
     with naming(path):

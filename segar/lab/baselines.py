@@ -19,7 +19,7 @@ from segar.lab.hidden_world import START_LEVELS, Lab
 from segar.lab.laws import EMPTY, laws_of
 from segar.lab.session import Session
 from segar.language import Velocity
-from segar.support import content_of, replacing
+from segar.support import data_in, from_csv, replacing
 
 DRAWS = 1000  # of laws, of which the nearest is taken, and from which searches begin
 KEPT, CHILDREN, GENERATIONS = 50, 150, 60  # of the evolutionary search
@@ -161,15 +161,7 @@ def grade_baselines(
 
 def read_grades(path: str | PathLike[str]) -> list[dict[str, Any]]:
     """The rows of a table of grades, as text; raises :class:`SegarError` where the file is none."""
-    content = content_of(Path(path), "table of grades", SegarError)
-    try:
-        reader = csv.DictReader(content.decode().splitlines())
-        rows = list(reader)
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise SegarError(f"{path} is no table of grades: {error}") from error
-    if tuple(reader.fieldnames or ()) != COLUMNS or any(None in row.values() for row in rows):
-        raise SegarError(f"{path} is no table of grades, whose columns are {', '.join(COLUMNS)}")
-    return rows
+    return data_in(Path(path), "a table of grades", SegarError, lambda text: from_csv(text, COLUMNS))
 
 
 def _row(grader: Grader, world: int, budget: int, name: str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from segar.lab.hidden_world import Lab
 from segar.language import Rule
 from segar.levels import Levels
 from segar.rules import RuleSpace
-from segar.support import misfit
+from segar.support import require_form
 
 EMPTY: dict[str, Any] = {"options": {}}
 DIGIT = math.log2(10)  # [bits] of a decimal digit
@@ -82,8 +82,7 @@ def _checked(lab: Lab, law: Any, form: Mapping[str, Any]) -> Mapping[str, Mappin
     """The options of a law, which fit the rule space; raises :class:`SegarError`."""
     if isinstance(law, Mapping) and "code" in law:
         raise SegarError("a law with 'code' is graded alone, not among others")
-    if wrong := misfit(law, {"options": form}, "law", only=True):
-        raise SegarError(wrong)
+    require_form(law, {"options": form}, "law", only=True)
     options = law["options"]
     for name, chosen in options.items():
         for constant, value in chosen.items():
@@ -102,8 +101,7 @@ def _rules_in(lab: Lab, law: Mapping[str, Any]) -> list[Rule | FunctionType]:
     """The rules that the code of a law defines. The code is executed."""
     if not lab.trusted:
         raise SegarError("'law.code': this lab does not trust code; answer with 'options'")
-    if wrong := misfit(law, {"code": str}, "law", only=True):
-        raise SegarError(wrong)
+    require_form(law, {"code": str}, "law", only=True)
     names: dict[str, Any] = {"__name__": "answer"}
     try:
         exec(compile(law["code"], "<answer>", "exec"), names)

@@ -25,7 +25,7 @@ from segar.language import (
     Velocity,
 )
 from segar.levels import Levels, active_options
-from segar.support import misfit
+from segar.support import require_form
 
 HISTORY = (6, 10)  # steps that are seen, at least and at most
 AHEAD = (6, 12)  # steps that are not
@@ -153,8 +153,7 @@ def _for_number(
     def mark(answer: Any) -> Mark:
         if answer is None:
             return Mark(False, 0.0)
-        if wrong := misfit(answer, float if width == 1 else [float], f"answers.{ask['id']}"):
-            raise SegarError(wrong)
+        require_form(answer, float if width == 1 else [float], f"answers.{ask['id']}")
         if width == 2 and len(answer) != 2:
             raise SegarError(f"'answers.{ask['id']}' must be two numbers, not {len(answer)}")
         error = math.dist(np.atleast_1d(answer), truth)
@@ -187,8 +186,7 @@ def _plan(lab: Lab, index: int, rng: np.random.Generator) -> Question | None:
     def mark(answer: Any) -> Mark:
         if answer is None:
             return Mark(False, 0.0)
-        if wrong := misfit(answer, [[float]], at := f"answers.{ask['id']}"):
-            raise SegarError(wrong)
+        require_form(answer, [[float]], at := f"answers.{ask['id']}")
         for step, action in enumerate(answer):
             if len(action) != len(task.action_low):
                 raise SegarError(f"'{at}[{step}]' must be {len(task.action_low)} numbers, not {len(action)}")

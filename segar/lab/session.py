@@ -20,7 +20,7 @@ from segar.lab.hidden_world import START_LEVELS, Lab
 from segar.lab.laws import levels_of
 from segar.lab.questions import Mark, Question, make_questions
 from segar.levels import hash_of_levels
-from segar.support import content_of, from_json, misfit, replacing, shown
+from segar.support import data_in, from_json, replacing, require_form, shown
 
 LONGEST_REQUEST = 2**20  # [bytes]
 FORMAT, VERSION = "segar-lab-session", 1
@@ -82,8 +82,7 @@ class Session:
         if kind not in FORMS:
             said = f"'do' must be one of {', '.join(FORMS)}, not {shown(kind)}"
             raise SegarError(said + (did_you_mean(kind, FORMS) if isinstance(kind, str) else ""))
-        if wrong := misfit(request, FORMS[kind], only=True):
-            raise SegarError(wrong)
+        require_form(request, FORMS[kind], only=True)
         reply = getattr(self, f"_{kind}")(request)
         if kind in ("experiment", "answer"):
             self.log.append((request, reply))
@@ -124,19 +123,14 @@ class Session:
             SegarError: there is no such file, it is no session in this lab, or a reply is another one now.
         """
         path = Path(path)
-        content = content_of(path, "session", SegarError)
-        try:
-            lines = [from_json(line) for line in content.splitlines()]
-        except ValueError as error:
-            raise SegarError(f"{path} is no session: {error}") from error
+        lines = data_in(path, "a session", SegarError, lambda text: [from_json(line) for line in text.splitlines()])
         session = cls(lab)
         head = from_json(_json(session._head()).encode())
         if not lines or lines[0] != head:
             raise SegarError(f"{path} is no session in this lab, whose first line would be {_json(head)}")
         for number, line in enumerate(lines[1:], 2):
-            if wrong := misfit(line, {"request": dict, "reply": dict}, only=True):
-                raise SegarError(f"{path}: line {number}: {wrong}")
             with naming(f"{path}: line {number}"):
+                require_form(line, {"request": dict, "reply": dict}, only=True)
                 reply = _json(session.do(line["request"]))
             if reply != _json(line["reply"]):
                 raise SegarError(f"{path}: line {number}: the reply to this request is another one now")

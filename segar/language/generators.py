@@ -2,12 +2,10 @@
 
 import dis
 import functools
-import itertools
 import linecache
 import pickle
 import random
 import sys
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
@@ -18,7 +16,6 @@ from segar.errors import RuleError
 
 GENERATORS = (random.Random, np.random.BitGenerator, np.random.RandomState)
 OTHERS = ("segar", "numpy", *sys.stdlib_module_names)  # packages whose functions and classes are not looked into
-CONTAINERS = (dict, list, set, deque)
 MOST_REACHED = 1000  # objects that are looked at
 LARGE = 100  # containers with more elements hold data
 
@@ -45,11 +42,8 @@ def generators_of(reached: Sequence[Any]) -> list[Any]:
 
 
 def links_of(reached: Sequence[Any]) -> list[Any]:
-    """What each of these objects leads to, and how far counters and containers are; other ones once something was changed."""
-    counts = (
-        repr(one) if isinstance(one, itertools.count) else isinstance(one, CONTAINERS) and len(one) for one in reached
-    )
-    return [([*map(id, _reached(one))], count) for one, count in zip(reached, counts, strict=True)]
+    """What each of these objects leads to, by numbers that are other ones once something was changed."""
+    return [[*map(id, _reached(one))] for one in reached]
 
 
 def require_traceable(reached: Sequence[Any], where: str) -> None:

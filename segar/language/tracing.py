@@ -124,8 +124,7 @@ def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[
                 " normal or bernoulli; a number that is drawn once belongs outside the function"
             )
         links = links_of(reached := reached_by(function))  # after the first call, which may fill a cache
-        again = _explore_all(function, arguments, finish, where)
-        if not is_same(tree, again) or links_of(reached) != links:
+        if not is_same(tree, _explore_all(function, arguments, finish, where)) or links_of(reached) != links:
             raise RuleError(
                 f"{where}: computes something else when it is called again, or changes what it reads. It may read a clock,"
                 " count its calls or draw random numbers. SEGAR calls the function when it compiles it and never again, so what"

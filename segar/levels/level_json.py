@@ -18,7 +18,7 @@ from segar.levels.description import DESCRIPTION, description_of, layout_of, ori
 from segar.levels.level_data import LevelData
 from segar.levels.validity import level_forms
 from segar.rules import World
-from segar.support import __version__, check_form, check_size, from_handwritten_json, json_in, replacing, shown
+from segar.support import __version__, check_form, check_size, data_in, from_handwritten_json, replacing, shown
 
 SUFFIX = ".json"
 FORMAT, VERSION = "segar-levels", 1
@@ -76,7 +76,7 @@ def read_json(path: Path, world: World | None) -> LevelData:
     Raises:
         LevelError: there is no such file, it is no JSON, or as :func:`levels_of`.
     """
-    data = json_in(path, "a level file in JSON", LevelError, from_handwritten_json)
+    data = data_in(path, "a level file in JSON", LevelError, from_handwritten_json)
     return levels_of(data, path, "", world)
 
 

@@ -18,7 +18,7 @@ from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, trained_on
 from segar.policies import NETWORK_FILE, Network, load
 from segar.suites import Suite, named_observation
-from segar.support import DAMAGE, ROWS, content_of, first_line, json_in, misfit, need, opened, resolve, shown
+from segar.support import DAMAGE, ROWS, data_in, first_line, need, opened, resolve, shown
 from segar.tasks import make_task, task_of
 
 CONFIG, LEVELS_TRAIN, PROBES = "config.yaml", "levels_train.npz", "probes.parquet"  # files of a run folder
@@ -94,9 +94,8 @@ def read_row_policy(folder: Path, suite: Suite) -> RunPolicy:
         SegarError: the row has none, or was made with another version of the suite; or its file cannot be read or fetched.
     """
     path = folder / ROW
-    row = json_in(path, "description of a row", SegarError, limit=LONGEST)
-    if wrong := misfit(row, ROW_FORM):
-        raise SegarError(f"{path} is no description of a row: {wrong}; make the row again with segar benchmark")
+    advice = "; make the row again with segar benchmark"
+    row = data_in(path, "a description of a row", SegarError, limit=LONGEST, form=ROW_FORM, advice=advice)
     pieces = [one for one in row["pieces"] if one["suite"] == suite.name and Path(one["file"]).suffix == ".npz"]
     if not pieces:
         known = ", ".join(dict.fromkeys(one["suite"] for one in row["pieces"]))
@@ -139,19 +138,10 @@ def _network_of(path: Path) -> tuple[Path, Path]:
 def _settings(path: Path) -> dict[str, Any]:
     """The settings of a run that are read here."""
     need("reading the settings of a run", "yaml")
-    import yaml
+    from segar.support import read_yaml
 
-    text = content_of(path, "file of settings", SegarError, LONGEST)
-    try:
-        settings = yaml.safe_load(text.decode())
-        wrong = misfit(settings, SETTINGS)
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        wrong = first_line(error)
-    if wrong:
-        raise SegarError(
-            f"{path} holds no settings of a run: {wrong}; say --observation and --task, and move the file away"
-        )
-    return settings
+    advice = "; say --observation and --task, and move the file away"
+    return data_in(path, "a file of settings", SegarError, read_yaml, LONGEST, SETTINGS, advice=advice)
 
 
 def _observation(path: Path, settings: Mapping[str, Any]) -> dict[str, Observation]:

@@ -21,7 +21,7 @@ from segar.language import Factor, Task, all_subclasses
 from segar.levels import LevelDistribution, Levels, family, hash_of_levels, read_distribution
 from segar.suites.rules_by_name import RULES, rules_of
 from segar.suites.suite_names import AXES, DATA, SIDES, SUFFIX, suites
-from segar.support import content_of, is_whole, misfit
+from segar.support import data_in, is_whole
 from segar.tasks import TASKS, make_task
 
 FORMAT = 1
@@ -290,14 +290,9 @@ def suite_hash(description: Mapping[str, Any], hashes: Mapping[str, str]) -> str
 
 def _read(path: Path) -> dict[str, Any]:
     """The description in a file, of which all keys and kinds of values are right."""
-    text = content_of(path, "suite", SuiteError, LONGEST)
-    try:
-        found = tomllib.loads(text.decode())
-    except (ValueError, RecursionError) as error:
-        raise SuiteError(f"{path} is no TOML text: {error}") from error
-    wrong = misfit(found, _FORM, only=True)
-    if wrong:
-        raise SuiteError(f"{path}: {wrong}")
+    found = data_in(
+        path, "a suite in TOML", SuiteError, lambda text: tomllib.loads(text.decode()), LONGEST, _FORM, only=True
+    )
     if found["format"] != FORMAT:
         raise SuiteError(f"{path}: format {found['format']} is not the one that this version reads, {FORMAT}")
     known = (("name", [path.stem]), ("axis", AXES), ("task.name", TASKS), ("train.rules", RULES), ("test.rules", RULES))

@@ -55,10 +55,12 @@ from .imports import (
 )
 from .json_forms import (
     check_form as check_form,
+    from_csv as from_csv,
     from_handwritten_json as from_handwritten_json,
     from_json as from_json,
     misfit as misfit,
-    json_in as json_in,
+    require_form as require_form,
+    data_in as data_in,
     shown as shown,
 )
 from .kept_arrays import read_only as read_only
@@ -86,5 +88,6 @@ from .text_table import aligned as aligned, counted as counted
 from .threads import Team as Team
 from .version import __version__ as __version__
 from .whole_numbers import is_whole as is_whole
+from .yaml_text import read_yaml as read_yaml
 
 __all__ = []

@@ -221,8 +221,7 @@ class ArchiveFormat:
 
     def _check(self, path: Path, metadata: Mapping[str, Any], form: Mapping[str, Any]) -> None:
         """Raise :attr:`error` unless the description has the form."""
-        wrong = misfit(metadata, form)
-        if wrong:
+        if wrong := misfit(metadata, form):
             raise self.error(
                 f"{path} is not a {self.file}, or a damaged one: in its description {wrong}; save it again"
             )

@@ -1,5 +1,6 @@
 """Checks of data from JSON files that others made: whether it has the form that its reader takes for granted."""
 
+import csv
 import json
 import math
 from collections import Counter
@@ -43,24 +44,51 @@ def from_handwritten_json(text: bytes) -> Any:
         raise ValueError(f"it is no text in UTF-8: {error.reason}, byte {error.start + 1}") from error
 
 
-def json_in(
-    path: Path, kind: str, error: type[SegarError], parse: Callable[[bytes], Any] = from_json, limit: int = LIMIT
+def from_csv(text: bytes, columns: tuple[str, ...]) -> list[dict[str, str]]:
+    """The rows of a CSV text; raises :class:`ValueError` where it is none with these columns."""
+    try:
+        reader = csv.DictReader(text.decode("utf-8-sig").splitlines(), strict=True)
+        rows = list(reader)
+    except csv.Error as error:
+        raise ValueError(str(error)) from error
+    lacking = [number for number, row in enumerate(rows, 2) if None in (*row, *row.values())]
+    if tuple(reader.fieldnames or ()) != columns or lacking:
+        raise ValueError(f"line {(lacking or [1])[0]} must have {', '.join(columns)}")
+    return rows
+
+
+def data_in(
+    path: Path,
+    kind: str,
+    error: type[SegarError],
+    parse: Callable[[bytes], Any] = from_json,
+    limit: int = LIMIT,
+    form: Any = object,
+    only: bool = False,
+    advice: str = "",
 ) -> Any:
-    """The data in a JSON file.
+    """The data in a file.
 
     Args:
         kind: what it should be, as "a level file".
-        parse: the function for its text; :func:`from_handwritten_json` where people may have written it.
+        parse: the function for its text, which raises :class:`ValueError`; :func:`from_handwritten_json` for JSON that people
+            may have written.
         limit: [bytes] that it may have; see :func:`segar.support.reading.content_of`.
+        form, only: what the data must be; see :func:`misfit`.
+        advice: how the messages end.
 
     Raises:
-        SegarError: of the class ``error``: there is no such file, it is too large, or it is no JSON.
+        SegarError: of the class ``error``: there is no such file, it is too large, it is no such text, or the data are of
+            another form; the message names the place.
     """
     text = content_of(path, kind.removeprefix("a ").removesuffix(" in JSON"), error, limit)
     try:
-        return parse(text)
-    except ValueError as cause:
-        raise error(f"{path} is not {kind}, or only part of one: {first_line(cause)}") from cause
+        data = parse(text)
+    except (ValueError, RecursionError) as cause:
+        raise error(f"{path} is not {kind}, or only part of one: {first_line(cause)}{advice}") from cause
+    if wrong := misfit(data, form, only=only):
+        raise error(f"{path}: {wrong}{advice}")
+    return data
 
 
 def shown(value: Any) -> str:
@@ -69,6 +97,12 @@ def shown(value: Any) -> str:
         return f"a {'list' if isinstance(value, list) else 'mapping'} of {len(value)}"
     text = ascii(value)
     return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "..."
+
+
+def require_form(value: Any, form: Any, at: str = "", only: bool = False) -> None:
+    """Raise :class:`SegarError` unless data from a JSON text have the form; see :func:`misfit`."""
+    if wrong := misfit(value, form, at, only):
+        raise SegarError(wrong)
 
 
 def misfit(value: Any, form: Any, at: str = "", only: bool = False) -> str | None:

@@ -5,7 +5,6 @@ import numpy as np
 
 def read_only(array: np.ndarray) -> np.ndarray:
     """The same numbers as an array that cannot be written: the array itself where it cannot, else a copy."""
-    if array.flags.writeable:
-        array = array.copy()
-        array.flags.writeable = False
-    return array
+    kept = array.copy() if array.flags.writeable else array
+    kept.flags.writeable = False
+    return kept

@@ -59,11 +59,11 @@ def _solve(a: np.ndarray, b: np.ndarray, cost: np.ndarray) -> np.ndarray:
     are proven by dual potentials. Where these do not prove one, what they leave of the costs is solved anew, in its own
     units and cut off where no plan that is better could go (iterative refinement: Gleixner, Steffy and Wolter 2016).
     """
+    if not np.isfinite(cost).all():
+        raise SegarError("optimal transport needs costs that are finite numbers")
     plan = np.outer(a, b) / a.sum()
     if 1 in cost.shape:  # there is only one
         return plan
-    if not np.isfinite(cost).all():
-        raise SegarError("optimal transport needs costs that are finite numbers")
     smallest_flow = min(a.min(), b.min()) / max(cost.shape)  # of masses that are multiples of one number
     gap, u, v = float((plan * cost).sum()), np.zeros(len(a)), np.zeros(len(b))
     for _ in range(ROUNDS):

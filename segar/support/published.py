@@ -13,6 +13,7 @@ from urllib.request import urlopen
 
 from segar.errors import SegarError
 from segar.support.files import replacing
+from segar.support.json_forms import data_in, from_csv
 from segar.support.reading import sha256_of
 
 ADDRESS = "SEGAR_RESULTS_URL"
@@ -63,15 +64,12 @@ class Published:
 def read_manifest(folder: Path) -> list[Published]:
     """The published files of a folder of results; raises :class:`SegarError` where its manifest is missing or misshapen."""
     path = folder / MANIFEST
-    try:
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines(), strict=True))
-    except OSError as error:
-        raise SegarError(
-            f"there is no {path}: name a folder of results (--folder), or run this in a checkout"
-        ) from error
+    if not path.exists():
+        raise SegarError(f"there is no {path}: name a folder of results (--folder), or run this in a checkout")
+    rows = data_in(path, "a manifest", SegarError, lambda text: from_csv(text, COLUMNS))
     for number, row in enumerate(rows, 2):
-        inside = (folder / str(row.get("path"))).resolve().is_relative_to(folder.resolve())
-        if tuple(row) != COLUMNS or None in row.values() or not row["bytes"].isdigit() or not inside:
+        fits = row["path"].isprintable() and row["bytes"].isdecimal()
+        if not fits or not (folder / row["path"]).resolve().is_relative_to(folder.resolve()):
             raise SegarError(f"{path}, line {number}: it must have {', '.join(COLUMNS)}, and a path in the folder")
     return [Published(**{**row, "bytes": int(row["bytes"])}) for row in rows]
 

@@ -18,8 +18,8 @@ from segar.experiments.reproduction.experiment_file import FEWEST_BLOCKS, STUDY
 from segar.experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_SEED, kind_columns
 from segar.experiments.runs.run_folder import LONGEST
 from segar.experiments.runs.trust import settings_of_file
-from segar.experiments.settings import ConfigError, RunFolderError, add_module_path, flat, read_yaml
-from segar.support import content_of, misfit
+from segar.experiments.settings import ConfigError, RunFolderError, add_module_path, flat
+from segar.support import content_of, misfit, read_yaml
 
 NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic", "test_levels",
           "hours", "code")  # fmt: skip
@@ -108,14 +108,13 @@ def read_study(folder: Path) -> Study:
     path = folder / STUDY
     content = content_of(path, "study", RunFolderError, LONGEST)
     try:
-        text = content.decode()
-        asked = read_yaml(text)
+        asked = read_yaml(content)
     except ValueError as error:
         raise RunFolderError(f"cannot read {path}: {error}") from error
     if wrong := misfit(asked, READ):
         raise RunFolderError(f"{path}: {wrong}")
     used = {key: asked[key] for key in ("claims", "module_path") if key in asked}
-    add_module_path(settings_of_file(path, used, (), text).get("module_path", ()))
+    add_module_path(settings_of_file(path, used, (), content.decode()).get("module_path", ()))
     results = read_results(folder, NEEDED)
     table, vary = results.runs, [str(name) for name in (asked.get("grid") or {}).get("vary", ())]
     shared = table["levels.seed"].fillna(table["seed"]) if "levels.seed" in table else table["seed"]

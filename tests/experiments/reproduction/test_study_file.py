@@ -108,7 +108,7 @@ def test_a_transfer_in_two_spellings_is_refused_as_the_same(tmp_path):
 def test_a_tab_is_told_with_its_line(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("title: x\n\tgrid: 3\n")
-    with pytest.raises(ConfigError, match=r"cannot read the study .*mine.yaml: line 2: .*; indent it by spaces"):
+    with pytest.raises(ConfigError, match=r"mine.yaml is not a study.*: line 2: .*; indent it by spaces"):
         read_study(path)
 
 
@@ -122,7 +122,7 @@ def test_a_setting_that_the_grid_varies_says_nothing_beside_it(tmp_path):
 def test_a_key_that_stands_twice_is_refused_with_its_lines(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("title: x\ngrid:\n  counts: [1]\n  seeds: 2\n  counts: [2]\n")
-    with pytest.raises(ConfigError, match=r"mine.yaml: line 5: the key counts .* for the second time; .* line 3"):
+    with pytest.raises(ConfigError, match=r"mine.yaml .*: line 5: the key counts .* for the second time; .* line 3"):
         read_study(path)
     path.write_text("title: x\ngrid: &same\n  counts: [1]\n  seeds: 2\nscales: {more: {<<: *same, counts: [2]}}\n")
     assert read_study(path).experiment["scales"] == {"more": {"counts": [2], "seeds": 2}}

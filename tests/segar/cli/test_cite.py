@@ -32,6 +32,11 @@ def refusal(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return capsys.readouterr().err
 
 
+def doubled(line: str) -> str:
+    """A text of YAML in which each of forty parts mentions the one before it twice."""
+    return "\n".join(["a0: &a0 {x: 1}", *(line.format(k, k - 1) for k in range(1, 41))])
+
+
 def test_without_a_run_it_prints_both_entries_and_the_versions_that_are_installed(capsys):
     text = shown(capsys)
     assert re.findall(r"^@(\w+)\{(\w+),$", text, re.M) == [("software", "segar"), ("misc", "hjelm2022segar")]
@@ -91,18 +96,21 @@ def test_settings_name_no_address_and_no_folder_and_the_code_that_they_name_is_n
     ("file", "content", "message"),
     [
         ("config.yaml", None, "is no run folder: there is no config.yaml"),
-        ("config.yaml", "a: [", "config.yaml cannot be read"),
-        ("config.yaml", "- 1", "config.yaml is not of a run: 'all' must be a mapping, not a list of 1"),
-        ("config.yaml", "seed: 1", "config.yaml is not of a run: 'scale' is absent"),
+        ("config.yaml", "a: [", "config.yaml is not a file of a run"),
+        ("config.yaml", "- 1", "config.yaml: 'all' must be a mapping, not a list of 1"),
+        ("config.yaml", "seed: 1", "config.yaml: 'scale' is absent"),
         ("config.yaml", "scale: {frames: 1}\ntask: &a {b: *a}", "a part of it contains itself"),
-        ("config.yaml", "!!python/object/apply:os.system [exit]", "config.yaml cannot be read"),
-        ("config.yaml", b"\xff\xfe\x00", "config.yaml cannot be read"),
+        ("config.yaml", doubled("a{0}: &a{0} {{x: *a{1}, y: *a{1}}}"), "it stands for more than 1,000,000 values"),
+        ("config.yaml", doubled("a{0}: &a{0} {{<<: [*a{1}, *a{1}]}}"), "it stands for more than 1,000,000 values"),
+        ("config.yaml", "a: " + "[" * 20_000, "config.yaml is not a file of a run"),
+        ("config.yaml", "!!python/object/apply:os.system [exit]", "config.yaml is not a file of a run"),
+        ("config.yaml", b"\xff\xfe\x00", "config.yaml is not a file of a run"),
         ("versions.json", None, "never began to train: there is no versions.json"),
-        ("versions.json", "{", "versions.json cannot be read"),
-        ("versions.json", "[]", "versions.json is not of a run: 'all' must be a mapping, not a list of 0"),
+        ("versions.json", "{", "versions.json is not a file of a run"),
+        ("versions.json", "[]", "versions.json: 'all' must be a mapping, not a list of 0"),
         ("versions.json", "{}", "'libraries' is absent"),
         ("versions.json", '{"libraries": {}, "git": 3}', "'git' must be dict or null, not 3"),
-        ("summary.json", "3", "summary.json is not of a run: 'all' must be dict, not 3"),
+        ("summary.json", "3", "summary.json: 'all' must be dict, not 3"),
     ],
 )
 def test_what_is_no_run_is_refused_with_the_file_that_says_so(capsys, run, file, content, message):

@@ -211,7 +211,7 @@ def test_a_row_on_its_suite_is_a_match_in_the_units_and_with_the_levels_of_its_t
     (row / "row.json").write_text((row / "row.json").read_text().replace(of.hash, far.hash))
     assert "was trained on another version of the suite" in refused(capsys, *base, row)
     (row / "row.json").write_text("[]")
-    assert "row.json is no description of a row" in refused(capsys, *base, row)
+    assert "row.json: 'all' must be a mapping" in refused(capsys, *base, row)
 
 
 def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
@@ -227,7 +227,7 @@ def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
     assert "'my_lab.seeing:look'" in (said := refused(capsys, *base, "--policy", run))
     assert "a file imports no code" in said and "; say what the policy reads by --observation" in said
     (run / "config.yaml").write_text("- !!python/object:os.system x\n")
-    assert "config.yaml holds no settings of a run" in refused(capsys, *base, "--policy", run)
+    assert "config.yaml is not a file of settings" in refused(capsys, *base, "--policy", run)
     (tmp_path / "bare").mkdir()
     assert "segar evaluate run=bare portable=true" in refused(capsys, *base, "--policy", "bare")
     assert "levels.npz" in refused(capsys, "levels.npz", "-o", "page.html")

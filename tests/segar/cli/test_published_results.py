@@ -124,12 +124,12 @@ def test_the_list_says_what_is_here_and_what_makes_the_rest(folder, capsys):
 
 @pytest.mark.parametrize(
     "line",
-    ["../x,1,00,make x", "x,one,00,make x", "x,1,00", "/x,1,00,make x"],
-    ids=["outside", "size", "short", "absolute"],
+    ["../x,1,00,make x", "x,one,00,make x", "x,²,00,make x", "x,1,00", "/x,1,00,make x", "x\0,1,00,make x"],
+    ids=["outside", "size", "odd size", "short", "absolute", "null"],
 )
 def test_a_manifest_that_is_none_is_refused_with_its_line(folder, line):
     (folder / MANIFEST).write_text(f"path,bytes,sha256,made_by\n{line}\n")
-    with pytest.raises(SegarError, match=f"{MANIFEST}, line 2"):
+    with pytest.raises(SegarError, match=f"{MANIFEST}.*line 2"):
         read_manifest(folder)
 
 

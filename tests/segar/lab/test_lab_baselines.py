@@ -55,7 +55,7 @@ def test_the_command_writes_a_table_goes_on_with_it_and_draws_it(tmp_path, capsy
 
 def test_what_is_no_table_or_no_baseline_is_said(tmp_path):
     (tmp_path / "x.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(SegarError, match=r"x.csv is no table of grades"):
+    with pytest.raises(SegarError, match=r"x.csv is not a table of grades"):
         next(grade_baselines(tmp_path / "x.csv", Lab(DISTRIBUTION)))
     with pytest.raises(SegarError, match="no baseline 'nope'"):
         next(grade_baselines(tmp_path / "y.csv", Lab(DISTRIBUTION), baselines=["nope"]))

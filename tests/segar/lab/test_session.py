@@ -165,7 +165,7 @@ def test_a_session_is_kept_resumed_and_replayed_to_the_bit(lab, tmp_path):
         Session.load(path, noisy)
     for text, said in (
         ("", "no session in this lab"),
-        ("{", "is no session"),
+        ("{", "is not a session"),
         (f"{lines[0]}\n3", "line 2: 'all' must be"),
     ):
         path.write_text(text)

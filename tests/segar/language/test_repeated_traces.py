@@ -85,7 +85,6 @@ SOURCES = {
     "a count by a name": lambda: after_many(counts_by_a_name()),
     "a count of the function's own": lambda: after_many(counts_by_itself()),
     "a count of an object": lambda: after_many(VISITS.seen()),
-    "a count of itertools": lambda: after_many(next(COUNTER)),
 }
 READ_ONCE = r"draws from a generator of random numbers|computes something else when it is called again"
 

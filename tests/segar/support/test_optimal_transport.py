@@ -111,9 +111,10 @@ def test_rounding_of_masses_moves_nothing_to_a_far_point():
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
-def test_costs_that_are_no_numbers_are_refused(wrong):
-    cost = np.ones((3, 3))
-    cost[1, 1] = wrong
+@pytest.mark.parametrize("points", [1, 3])
+def test_costs_that_are_no_numbers_are_refused(wrong, points):
+    cost = np.ones((3, points))
+    cost[1, -1] = wrong
     with pytest.raises(SegarError, match="finite numbers"):
         emd(cost)
 
