@@ -217,7 +217,7 @@ class ThingFactory:
     (0.75, 0.25)
 
     Raises:
-        FactorError: a member is not a Thing type, a type comes twice, or the probabilities do not sum to one.
+        FactorError: a member is not a Thing type or comes twice, the types are a set, or the probabilities do not sum to one.
     """
 
     def __init__(self, types: Sequence[type[Thing]] | Mapping[type[Thing], float]) -> None:
@@ -226,9 +226,9 @@ class ThingFactory:
         for member in names:
             if not (isinstance(member, type) and issubclass(member, Thing)):
                 raise FactorError(f"ThingFactory takes types of things, not {member!r}")
-        if not names or len(set(names)) != len(names):
-            raise FactorError("ThingFactory needs at least one type, and each only once")
-        if any(w < 0 for w in weights) or abs(sum(weights) - 1.0) > 1e-9:
+        if not names or len(set(names)) != len(names) or isinstance(types, set | frozenset):  # sets have no order
+            raise FactorError("ThingFactory needs a list of at least one type, and each only once, or a mapping")
+        if not (all(w >= 0 for w in weights) and abs(sum(weights) - 1.0) <= 1e-9):
             raise FactorError(f"ThingFactory: probabilities must be positive and sum to 1, not {weights}")
         self.types: tuple[type[Thing], ...] = tuple(names)
         self.probabilities: tuple[float, ...] = tuple(float(w) for w in weights)

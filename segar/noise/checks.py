@@ -1,7 +1,7 @@
 """Checks of what distributions are made from: finite numbers, intervals, lists, probabilities, points of the plane."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,9 @@ def finite(owner: object, **numbers: Any) -> None:
 
 
 def members(owner: object, name: str, given: Any) -> tuple[Any, ...]:
-    """The members of a list as a tuple; raises :class:`PriorError` if ``given`` is a text or a single thing."""
-    if isinstance(given, str) or not isinstance(given, Iterable):
+    """The members of a list as a tuple; raises :class:`PriorError` if ``given`` is a text, a single thing, a set, which has no
+    order, or a mapping, whose values would be left out."""
+    if isinstance(given, str | set | frozenset | Mapping) or not isinstance(given, Iterable):
         raise PriorError(f"{type(owner).__name__}: {name} must be a list, not {given!r}")
     return tuple(given)
 
@@ -62,7 +63,7 @@ def probabilities(owner: object, weights: Any, count: int) -> tuple[float, ...]:
     if weights is None:
         return (1.0 / count,) * count
     try:
-        given = tuple(float(w) for w in weights)
+        given = tuple(float(w) for w in members(owner, "probabilities", weights))
     except (TypeError, ValueError):
         raise PriorError(f"{type(owner).__name__}: probabilities must be a list of numbers, not {weights!r}") from None
     if len(given) != count:

@@ -88,7 +88,7 @@ def _as_rules(name: str, rules: Sequence[Any]) -> tuple[Rule, ...]:
     """The rules of a sequence of rules and typed functions."""
     if callable(rules):
         raise RuleError(f"{name} must be a sequence of rules, not {rules!r}; write ({rules!r},)")
-    if isinstance(rules, (str, RuleOption)) or not isinstance(rules, Iterable):
+    if isinstance(rules, (str, set, frozenset, RuleOption)) or not isinstance(rules, Iterable):
         raise RuleError(f"{name} must be a sequence of rules, or a RuleSpace, not {rules!r}")
     rules = tuple(rules)
     for one in rules:

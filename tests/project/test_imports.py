@@ -33,7 +33,7 @@ PLACES_WITH_AN_EXTRA = {
     "segar/textures/": "filters",
     "segar/envs/sb3_env.py": "sb3",
     "segar/policies/onnx_policy.py": "onnx",
-    "segar/cli/cite.py": "train",
+    "segar/support/yaml_text.py": "train",
     "segar/playground/run_folder.py": "train",
     "segar/playground/on_demand.py": "studio",
     "segar/playground/server.py": "studio",

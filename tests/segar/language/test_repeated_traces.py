@@ -15,7 +15,6 @@ from segar.language.rule_definition import rule, value_rule
 
 RNG, PLAIN, LEGACY = np.random.default_rng(5), random.Random(5), np.random.RandomState(5)
 COUNTER = itertools.count()
-CALLS: list[int] = []
 TIMES = 0
 
 
@@ -50,11 +49,6 @@ def counts_by_a_name():
     return TIMES
 
 
-def counts_by_itself():
-    counts_by_itself.calls = getattr(counts_by_itself, "calls", 0) + 1
-    return counts_by_itself.calls
-
-
 def helper():
     """A helper of the author's that draws."""
     return float(RNG.integers(10**9))
@@ -80,10 +74,9 @@ SOURCES = {
     "a fast clock": lambda: time.perf_counter(),
     "a counter": lambda: float(next(COUNTER)),
     "a list that grows": lambda rows=[]: float(len(rows.append(0) or rows)),
-    "a list that grows long": lambda: after_many(len(CALLS.append(0) or CALLS)),
+    "a list that grows long": lambda rows=[]: after_many(len(rows.append(0) or rows)),
     "a count in a dictionary": lambda kept={}: after_many(kept.setdefault("n", kept.pop("n", 0) + 1)),
     "a count by a name": lambda: after_many(counts_by_a_name()),
-    "a count of the function's own": lambda: after_many(counts_by_itself()),
     "a count of an object": lambda: after_many(VISITS.seen()),
 }
 READ_ONCE = r"draws from a generator of random numbers|computes something else when it is called again"

@@ -305,6 +305,8 @@ def test_one_draw_without_size_is_a_number():
         (lambda: sn.DiscreteRangeNoise(2**53 + 1, 2**53 + 3), "too many or too large numbers"),
         (lambda: sn.Wrapped(sn.GaussianNoise(0.0, 1e6)).cdf(0.0), "goes round its circle 3183098 times"),
         (lambda: sn.Choice([1, 2], ["a", 1]), "probabilities must be a list of numbers"),
+        (lambda: sn.Choice({0.0: 0.25, 1.0: 0.75}), "Choice: keys must be a list"),
+        (lambda: sn.Choice([0.0, 1.0], {0.0: 0.25, 1.0: 0.75}), "probabilities must be a list of numbers"),
         (lambda: sn.Mixture(sn.Bernoulli(0.5)), "Mixture: laws must be a list"),
         (lambda: sn.Mixture([sn.UniformNoise(0, 1), 3.0]), "all on the line or all on the plane"),
         (lambda: sn.GaussianMixtureNoise(0.0, 1.0), "means must be a list, not 0.0"),

@@ -309,6 +309,7 @@ BAD = {
         (lambda: RuleOption("push", push, words="a push {"), "words must be a text"),
         (lambda: RuleOption("push", push, words=3), "words must be a text"),
         (lambda: RuleOption("push", push, {PUSH: 1}, words="{push_of_tests:.2f}"), "words must be a text"),
+        (lambda: World({push, fade}), "rules must be a sequence of rules, or a RuleSpace, not {"),
         (lambda: World(None), "rules must be a sequence of rules, or a RuleSpace, not None"),
         (lambda: EMPTY.with_rules(RuleOption("push", push)), "must be a sequence of rules, or a RuleSpace"),
         (lambda: EMPTY.with_rules([RuleOption("push", push)]), r"options belong to a RuleSpace\(\[...\]\)"),
@@ -336,6 +337,7 @@ BAD = {
         (lambda: World(limit=segar.rules.speed_limit.where_active(PUSH)), "limit holds in every level"),
     ],
     FactorError: [
+        (lambda: segar.ThingFactory({segar.Ball, segar.GolfBall}), "ThingFactory needs a list"),
         (lambda: RuleOption("pull", pull, {PULL: 11.0}), "is 11.0, and must be .* from 0 to 10"),
         (lambda: RuleOption("pull", pull, {PULL: UniformNoise(5, 20)}), "from 5 to 20; it must be"),
     ],
