@@ -89,10 +89,9 @@ def generalizability(table: pd.DataFrame, value: str, method: str, suite: str, s
     What rounding leaves of a component is 0, and so is the coefficient of methods that do not differ.
     """
     require(table, value, method, suite, seed)
-    counts = [len(set(keys(table, [one]))) for one in (method, suite, seed)]
-    methods, suites, seeds = counts
+    methods, suites, seeds = (len(set(keys(table, [one]))) for one in (method, suite, seed))
     has_all = len(set(keys(table, [method, suite, seed]))) == len(table) == methods * suites * seeds
-    if min(counts) < 2 or not has_all or why_not(y := column(table, value)):
+    if min(methods, suites, seeds) < 2 or not has_all or why_not(y := column(table, value)):
         return None
     data = pd.DataFrame({"y": y, "m": keys(table, [method]), "s": keys(table, [suite]), "k": keys(table, [seed])})
     squares = anova_lm(ols("y ~ C(m) * C(s) + C(s):C(k)", data).fit())

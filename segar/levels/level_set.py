@@ -55,8 +55,9 @@ class Levels(LevelData, ShownInNotebooks):
     def __post_init__(self) -> None:
         for name in LEVEL_ARRAYS:  # sets are shared, as those of suites are, and others have seen their hash
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        indices = read_only(self.provenance.indices)
-        object.__setattr__(self, "provenance", dataclasses.replace(self.provenance, indices=indices))
+        object.__setattr__(
+            self, "provenance", dataclasses.replace(self.provenance, indices=read_only(self.provenance.indices))
+        )
 
     @classmethod
     def load(cls, path: str | PathLike[str], world: World | None = None) -> Levels:

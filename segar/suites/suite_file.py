@@ -290,9 +290,7 @@ def suite_hash(description: Mapping[str, Any], hashes: Mapping[str, str]) -> str
 
 def _read(path: Path) -> dict[str, Any]:
     """The description in a file, of which all keys and kinds of values are right."""
-    found = data_in(
-        path, "a suite in TOML", SuiteError, lambda text: tomllib.loads(text.decode()), LONGEST, _FORM, only=True
-    )
+    found = data_in(path, "a suite", SuiteError, lambda text: tomllib.loads(text.decode()), LONGEST, _FORM, only=True)
     if found["format"] != FORMAT:
         raise SuiteError(f"{path}: format {found['format']} is not the one that this version reads, {FORMAT}")
     known = (("name", [path.stem]), ("axis", AXES), ("task.name", TASKS), ("train.rules", RULES), ("test.rules", RULES))

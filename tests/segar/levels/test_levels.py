@@ -436,15 +436,13 @@ def test_an_abstract_entity_without_a_place_is_not_placed():
 )
 def test_arrays_of_levels_cannot_be_written(made):
     levels = made()
-    for name in LEVEL_ARRAYS:
+    for array in (*(getattr(levels, name) for name in LEVEL_ARRAYS), levels.provenance.indices):
         with pytest.raises(ValueError, match="read-only"):
-            getattr(levels, name)[:] = 0
-    with pytest.raises(ValueError, match="read-only"):
-        levels.provenance.indices[:] = 7
+            array[:] = 0
     own = levels.values.copy()
-    follows = dataclasses.replace(levels, values=own)
-    own[:] = 7.0  # which a loop over several sets would do
-    assert follows == levels
+    again = dataclasses.replace(levels, values=own)
+    own[:] = 7.0  # as a loop over several sets would do
+    assert again == levels
 
 
 @pytest.mark.parametrize("name", ["levels.npz", "levels.json"])

@@ -125,7 +125,7 @@ def test_a_training_side_has_the_training_levels_and_nothing_of_the_test():
         ("textures = []", 'textures = ["far"]', "textures must be none or two of baseline, close, far"),
         ("textures = []", 'textures = ["far", "away"]', "textures must be none or two of baseline, close, far"),
         ("format = 1", "format = 2", "format 2 is not the one that this version reads"),
-        ("format = 1", "format 1", "is not a suite in TOML, or .*line 1"),
+        ("format = 1", "format 1", "is not a suite, or .*line 1"),
         ("LevelDistribution(", "open(", r"\[train\]: line 1: the text must be LevelDistribution"),
         ("RandomTopLocation()", "__import__('os')", r"\[train\]: line \d+: "),
     ],
