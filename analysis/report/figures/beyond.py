@@ -258,8 +258,7 @@ def matched_sets(evidence: Evidence) -> Drawn:
 
 def twins(evidence: Evidence) -> Drawn:
     """What training levels with one group of factors of the test cure, against what causal twins foretell and W2 says."""
-    why = "it was not run (`experiments=[twins, twins_cure]`)"
-    runs = drawable(cures(evidence), why, "suite")
+    runs = drawable(cures(evidence), "it was not run (`experiments=[twins, twins_cure]`)", "suite")
     names = ["suite", "group", "share", "gain", "foretold", "w2_share"]
     table = pick(runs, names).dropna().drop_duplicates(ignore_index=True)
     figure = new_figure(8.4, 3.6)
