@@ -48,7 +48,9 @@ def config(request):
 
 def test_the_loss_falls_on_a_fixed_rollout(config):
     is_contrast = isinstance(config, CURLConfig)  # which starts where all frames look alike
-    one = learner(dataclasses.replace(config, auxiliary_minibatches=1, learning_rate=3e-3 if is_contrast else 1e-3))
+    rate = 3e-3 if is_contrast else 1e-3
+    rates = {"learning_rate": rate, "auxiliary_learning_rate": config.auxiliary_learning_rate and rate}
+    one = learner(dataclasses.replace(config, auxiliary_minibatches=1, **rates))
     rollout, _ = one.collect()
     steps = 200 if is_contrast else 30
     losses = [one.learn_auxiliary(rollout)["auxiliary/loss"] for _ in range(steps)]
@@ -71,7 +73,7 @@ def test_the_gradient_reaches_the_encoder_and_no_target_and_nothing_of_the_polic
 
 def test_every_weight_of_the_loss_is_learned_and_the_encoder_is_the_policys(config):
     one = learner(config)
-    learned = {id(w) for group in one.optimizer.param_groups for w in group["params"]}
+    learned = {id(w) for group in (one.own_optimizer or one.optimizer).param_groups for w in group["params"]}
     assert {id(w) for w in one.loss.parameters() if w.requires_grad} <= learned
     assert {id(w) for w in one.encoder.parameters()} <= {id(w) for w in one.loss.parameters()}
     before = [w.detach().clone() for w in one.weights]
