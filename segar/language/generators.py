@@ -15,7 +15,8 @@ import numpy as np
 from segar.errors import RuleError
 
 GENERATORS = (random.Random, np.random.BitGenerator, np.random.RandomState)
-OTHERS = ("segar", "numpy", *sys.stdlib_module_names)  # packages whose functions and classes are not looked into
+LIBRARIES = ("segar", "numpy", "scipy", "pandas", "torch", "pydantic", "omegaconf", "attr", "attrs")
+OTHERS = {*LIBRARIES, *sys.stdlib_module_names}  # packages whose functions and classes are not looked into
 MOST_REACHED = 1000  # objects that are looked at
 LARGE = 100  # containers with more elements hold data
 
@@ -72,7 +73,8 @@ def _require_traceable(code: CodeType, function: FunctionType, where: str) -> No
 
 
 def _is_of_author(function: FunctionType) -> bool:
-    return function.__globals__.get("__name__", "").partition(".")[0] not in OTHERS
+    is_of_dataclass = function.__code__.co_filename == "<string>" and function.__name__[:2] == "__"  # its __repr__, say
+    return not is_of_dataclass and function.__globals__.get("__name__", "").partition(".")[0] not in OTHERS
 
 
 def _is_method(function: FunctionType) -> bool:
@@ -86,10 +88,8 @@ def _refusal(
     """What a rule cannot use of an instruction, and what to write instead; None for any other instruction."""
     if at.opname == "PUSH_EXC_INFO":
         return "'try' and 'with': what raises while it is compiled is not what raises for numbers; test with 'if'"
-    is_named = at.opname in ("LOAD_ATTR", "LOAD_METHOD", "LOAD_GLOBAL") and at.argval in (
-        "is_",
-        "is_not",
-    )  # of operator
+    # operator.is_ and operator.is_not
+    is_named = at.argval in ("is_", "is_not") and at.opname in ("LOAD_ATTR", "LOAD_METHOD", "LOAD_GLOBAL")
     if is_named or (at.opname == "IS_OP" and not (before.opname == "LOAD_CONST" and before.argval is None)):
         return "'is': a number is another object each time, and none while the rule is compiled; write '==', or 'x is None'"
     # To call what type(v) is, as in type(v)(x, y), makes another vector.
@@ -133,7 +133,8 @@ def _reached(one: Any) -> Iterable[Any]:
     )
     if not is_own or isinstance(one, ModuleType):
         return ()
-    return [*getattr(one, "__dict__", {}).values(), *(one.__bases__ if isinstance(one, type) else [type(one)])]
+    held = vars(one) if type(one).__dictoffset__ else {}  # its class may answer for attributes that it does not have
+    return [*held.values(), *(one.__bases__ if isinstance(one, type) else [type(one)])]
 
 
 def _named_by(function: FunctionType) -> list[Any]:

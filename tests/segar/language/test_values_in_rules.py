@@ -3,6 +3,7 @@
 import collections.abc
 import contextlib
 import copy
+import dataclasses
 import fractions
 import functools
 import json
@@ -15,7 +16,9 @@ from threading import Thread
 from typing import Any, Tuple
 
 import numpy as np
+import pydantic
 import pytest
+from omegaconf import OmegaConf
 
 import segar
 from segar.engine.simulator import Simulator
@@ -52,6 +55,45 @@ class Settings:
 
 
 SETTINGS = Settings()
+
+
+@dataclasses.dataclass(frozen=True, slots=True, order=True)
+class Data:
+    """What Python writes for it, such as its repr, asks for classes and uses 'is'."""
+
+    rate: float = 0.5
+
+    def twice(self, m):
+        return 2 * m
+
+    @property
+    def half(self):
+        return self.rate / 2
+
+
+DATA = Data()
+
+
+class Model(pydantic.BaseModel):
+    rate: float = 0.5
+
+
+MODEL, CONFIG = Model(), OmegaConf.create({"rates": [0.5]})
+
+
+class Strict:
+    """An object without attributes that refuses to be asked for one."""
+
+    __slots__ = ()
+
+    def __getattr__(self, name):
+        raise ZeroDivisionError
+
+    def __call__(self, m):
+        return m + 1.0
+
+
+STRICT = Strict()
 
 
 @functools.lru_cache
@@ -127,6 +169,9 @@ RIGHT = {
     "singledispatch": lambda m: dispatched(m),
     "a cache of constants": lambda m: cached(2.0) * m,
     "an object's number": lambda m: SETTINGS.strength * m,
+    "settings of libraries": lambda m: MODEL.rate * m + CONFIG.rates[0],
+    "an object that refuses": lambda m: STRICT(m),
+    "a dataclass": lambda m: DATA.rate * m + DATA.twice(m) + DATA.half,
     "a number of numpy": lambda m: np.float64(2.0) * m,
     "sorted": lambda m: sorted([m, 1.0, 2.5])[1],
     "min and max": lambda m: min(m, 1.0) + max([m, 1.0, 2.0]),
