@@ -147,7 +147,7 @@ def test_plr_plays_rare_hard_levels_more_than_uniform_does_and_the_log_shows_it(
     def planted(name, ended, levels, known, explorer):
         return np.array([float(row in hard) for row in ended.row])
 
-    monkeypatch.setattr("segar.experiments.curricula.plr.scores_of", planted)
+    monkeypatch.setattr("segar.experiments.curricula.scores.scores_of", planted)
     levels = LevelsConfig(train="empty-easy", count=40, test_count=3)
     for curriculum in (UniformConfig(log_interval=FRAMES), PLRConfig(log_interval=FRAMES, staleness=0.1)):
         folder = tmp_path / curriculum.name
