@@ -79,7 +79,7 @@ from segar.experiments.commands.hydra_app import errors_as_messages, run_command
 from segar.experiments.commands.kernels import choose_kernels
 from segar.experiments.commands.plugin import REPORTS, run_plugin
 from segar.experiments.evaluation.transfers import RunTask
-from segar.experiments.reproduce import ReproduceConfig, Work, carry_out, cores, do_all, failures, reproduce
+from segar.experiments.reproduce import ReproduceConfig, Work, carry_out, do_all, failures, reproduce
 from segar.experiments.reproduction.grid import grid_runs
 from segar.experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
 from segar.experiments.runs.executed_code import differing_parts
@@ -95,7 +95,7 @@ from segar.experiments.settings import (
     run_config,
 )
 from segar.suites import outline, suite
-from segar.support import EVERYTHING, counted
+from segar.support import EVERYTHING, cores, counted
 
 REPORT = "benchmark"
 PLANNER_SECONDS, PLAYER_SECONDS, DRAW_SECONDS = 20.0, 3.0, 6.0  # assumed, per piece

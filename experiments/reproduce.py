@@ -25,7 +25,6 @@ Settings, as name=value (make: ARGS="name=value ..."):
 """
 
 import dataclasses
-import os
 import shlex
 import statistics
 import sys
@@ -78,7 +77,7 @@ from segar.experiments.settings import (
 )
 from segar.experiments.tracking.mlflow_store import is_server
 from segar.experiments.train import train
-from segar.support import read_yaml
+from segar.support import cores, read_yaml
 
 SMALLEST, PREVIEW = SCALES[0], "preview"  # the scale of a first report, and the folder of its runs within the root
 PAGE = "report.html"
@@ -243,11 +242,6 @@ def with_sweep_tag(config: ReproduceConfig) -> RunConfig:
     """The run's settings, with the reproduction's name as MLflow tag unless another is given."""
     tracking = dataclasses.replace(config.run.tracking, sweep=config.run.tracking.sweep or config.name)
     return dataclasses.replace(config.run, tracking=tracking)
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def carry_out(work: Work) -> dict[str, float]:

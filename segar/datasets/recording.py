@@ -120,7 +120,7 @@ def record(
             if progress is not None:
                 progress(numbers.stop, episodes)
         whole = folder / DATA
-        size = 2 * sum(file.stat().st_size for part in parts for file in part.iterdir())
+        size = EPISODE_BYTES + sum(file.stat().st_size for part in parts for file in part.iterdir())
         _write(whole, (episode for part in parts for episode in _read(part)), size, one, _spec_of(levels, recipe))
         levels.save(whole / LEVELS)
         facts = {"dataset_id": dataset_id, "minari_version": minari.__version__, "algorithm_name": recipe.policy}
@@ -196,7 +196,7 @@ def _write(place: Path, episodes: Iterable[Episode], size: int, env: VectorEnv, 
     shutil.rmtree(beside, ignore_errors=True)  # of a recording that was killed
     shutil.rmtree(place, ignore_errors=True)
     with replacing(place, f"{size:,} bytes", advice=ADVICE) as room, room.open("r+b") as stream:
-        os.posix_fallocate(stream.fileno(), 0, size)
+        getattr(os, "posix_fallocate", lambda *_: None)(stream.fileno(), 0, size)  # macOS has none
     place.unlink()
     storage = MinariStorage.new(
         beside, env.single_observation_space, env.single_action_space, spec, jpeg_encoding=False

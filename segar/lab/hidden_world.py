@@ -2,7 +2,6 @@
 
 import inspect
 import linecache
-import os
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -31,7 +30,7 @@ from segar.language import (
 from segar.levels import LevelDistribution, Levels, Prior, checks, rule_space_of
 from segar.noise import GaussianNoise2D, UniformNoise
 from segar.rules import DEFAULT_RULES, RuleOption, RuleSpace, World
-from segar.support import is_whole
+from segar.support import cores, is_whole
 from segar.tasks import task_of
 
 SEEN = (Position, Velocity, Mass, Size, Visible, Alive)
@@ -159,8 +158,7 @@ class Lab:
     def player(self, laws: Levels) -> Simulator:
         """What plays levels under the rules of these levels."""
         if laws.world not in self._simulators:
-            cores = len(os.sched_getaffinity(0))
-            self._simulators[laws.world] = Simulator(world_of(laws), laws.layout, self.task, cores)
+            self._simulators[laws.world] = Simulator(world_of(laws), laws.layout, self.task, cores())
         return self._simulators[laws.world]
 
     def play(

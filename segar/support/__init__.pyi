@@ -85,7 +85,7 @@ from .published import (
 )
 from .reading import check_size as check_size, content_of as content_of, opened as opened, sha256_of as sha256_of
 from .text_table import aligned as aligned, counted as counted
-from .threads import Team as Team
+from .threads import Team as Team, cores as cores
 from .version import __version__ as __version__
 from .whole_numbers import is_whole as is_whole
 from .yaml_text import read_yaml as read_yaml

@@ -12,6 +12,11 @@ PARTS_EACH = 4  # of a range for each thread, so that the last part is short
 WORTH_WAKING = 100e-6  # [s] a shorter call is over before a sleeping worker has woken up
 
 
+def cores() -> int:
+    """How many cores this process may use; macOS knows only how many there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 class Work(Protocol):
     """Something whose parts several threads can take, each part once."""
 

@@ -1,5 +1,6 @@
 """Threads that share work: every part is done once, by whoever is there, and nobody is waited for."""
 
+import os
 import threading
 import time
 
@@ -8,7 +9,7 @@ import pytest
 from numba import njit
 
 from segar.engine.runtime.ledger import dismiss, finish_part, make_ledger, open_ledger, take_part
-from segar.support.threads import Team
+from segar.support.threads import Team, cores
 from tests.waiting import PATIENCE
 
 PARTS, LENGTH = 40, 50
@@ -93,3 +94,9 @@ def test_an_error_in_any_part_reaches_the_caller(eager_threads) -> None:
 
     with pytest.raises(ValueError, match="the last part"):
         Team(2).do_range(fail, 100)
+
+
+def test_cores_are_counted_where_a_process_cannot_be_kept_to_some(monkeypatch):
+    assert cores() == len(os.sched_getaffinity(0))
+    monkeypatch.delattr("os.sched_getaffinity")
+    assert cores() == os.cpu_count()
