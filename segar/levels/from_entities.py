@@ -31,6 +31,9 @@ def levels_of_entities(
 ) -> LevelData:
     """The levels that these entities make; see :meth:`segar.Levels.from_entities`."""
     _check_entities(levels)
+    for parameter in parameters:
+        if not (isinstance(parameter, type) and issubclass(parameter, Parameter)):
+            raise LevelError(f"parameters: {parameter!r} is not a world parameter class such as Gravity")
     layout = _layout(levels, parameters)
     shapes = [entity[Shape] for entities in levels for entity in entities if Shape in entity]
     room = max((len(shape.vertices) for shape in shapes), default=0)

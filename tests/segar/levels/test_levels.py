@@ -340,6 +340,7 @@ def test_levels_by_hand_may_have_different_numbers_of_entities():
         (lambda: Levels.from_entities([[segar.language.GlobalFriction()]]), "FloorFriction"),
         (lambda: Levels.from_entities([[Ball({Label: "star"})]]), "the label belongs to the type"),
         (lambda: Levels.from_entities([[SandTile({Shape: RandomConvexHull(0.3)})]]), "a random shape needs"),
+        (lambda: Levels.from_entities([[Ball()]], {"Gravity": 3.0}), "'Gravity' is not a world parameter class"),
         (lambda: Levels.from_entities([[Ball()]], {Gravity: [1.0, 2.0]}), "Gravity must be one number, or a list of 1"),
         (lambda: Levels.from_entities([[Ball({ID: "a"}), Ball({ID: "a"})]]), "several entities are called 'a'"),
     ],
