@@ -72,9 +72,13 @@ def _require_traceable(code: CodeType, function: FunctionType, where: str) -> No
             raise RuleError(f"{where} (line {number}: `{line}`): a rule cannot use {refusal}")
 
 
+def _is_own(module: str | None) -> bool:
+    return (module or "").partition(".")[0] not in OTHERS
+
+
 def _is_of_author(function: FunctionType) -> bool:
     is_of_dataclass = function.__code__.co_filename == "<string>" and function.__name__[:2] == "__"  # its __repr__, say
-    return not is_of_dataclass and function.__globals__.get("__name__", "").partition(".")[0] not in OTHERS
+    return not is_of_dataclass and _is_own(function.__globals__.get("__name__"))
 
 
 def _is_method(function: FunctionType) -> bool:
@@ -128,10 +132,8 @@ def _reached(one: Any) -> Iterable[Any]:
         return () if len(one) > LARGE else [*(one.values() if isinstance(one, dict) else one)]
     if isinstance(one, BuiltinMethodType):  # random.random is a method of a generator
         return [one.__self__]
-    is_own = (
-        getattr(one if isinstance(one, type) else type(one), "__module__", "builtins").partition(".")[0] not in OTHERS
-    )
-    if not is_own or isinstance(one, ModuleType):
+    kind = one if isinstance(one, type) else type(one)
+    if isinstance(one, ModuleType) or not _is_own(getattr(kind, "__module__", "builtins")):
         return ()
     held = vars(one) if type(one).__dictoffset__ else {}  # its class may answer for attributes that it does not have
     return [*held.values(), *(one.__bases__ if isinstance(one, type) else [type(one)])]
@@ -155,11 +157,7 @@ def _named_by(function: FunctionType) -> list[Any]:
         except ValueError:  # not filled yet
             continue
     found += [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values(), *vars(function).values()]
-    return [
-        one
-        for one in found
-        if not isinstance(one, FunctionType) or (one.__module__ or "").partition(".")[0] not in OTHERS
-    ]
+    return [one for one in found if not isinstance(one, FunctionType) or _is_own(one.__module__)]
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

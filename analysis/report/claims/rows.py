@@ -58,6 +58,11 @@ def harder_levels(evidence: Evidence) -> pd.DataFrame:
     return harder.assign(**own, return_less_trained_there=less_partner(harder, main, ETA, at, there))
 
 
+def probes(evidence: Evidence) -> pd.DataFrame:
+    """The accuracies of the main grid."""
+    return accuracies(evidence.results, evidence.main)
+
+
 def self_supervised(evidence: Evidence) -> pd.DataFrame:
     """The agents with self-supervised losses and those beside them: ``auxiliary`` is the algorithm that has such a loss, and
     ``compared`` also names PPO alone, and PPO with as many gradient steps."""
@@ -69,7 +74,8 @@ def self_supervised(evidence: Evidence) -> pd.DataFrame:
 
 def masses_without_a_memory(evidence: Evidence) -> pd.DataFrame:
     """The runs of the appendix's mass and frame stack whose agents have no memory."""
-    return keep(evidence.results.masses, evidence.results.masses["past"] != MEMORY)
+    masses = evidence.results.masses
+    return keep(masses, masses["past"] != MEMORY)
 
 
 def single_factors(evidence: Evidence) -> pd.DataFrame:
@@ -87,7 +93,7 @@ def single_factors(evidence: Evidence) -> pd.DataFrame:
 def replicated_probes(evidence: Evidence) -> pd.DataFrame:
     """The accuracies of the main grid with ``replicate_part``: the variance of one estimate between the critics of an agent, in
     parts of the variance of one estimate among agents of one cell, which is averaged over a family."""
-    found, table = accuracies(evidence.results, evidence.main), evidence.results.probes
+    found, table = probes(evidence), evidence.results.probes
     if found.empty:
         return found
     asked = select(table, representation="trained", quantity="accuracy", factor="all", levels="test")
@@ -264,7 +270,7 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "cures": cures,
     "the paper's agent": papers_agent,
     "harder levels": harder_levels,
-    "probes": lambda evidence: accuracies(evidence.results, evidence.main),
+    "probes": probes,
     "self-supervised agents": self_supervised,
     "probes of self-supervised agents": lambda evidence: accuracies(evidence.results, self_supervised(evidence)),
     "probes of single factors": single_factors,
