@@ -143,7 +143,7 @@ class LevelPool:
         indices_in_split = mixed.provenance.indices.copy()
         indices_in_split[places] = levels.provenance.indices
         origin = _origin(self.levels.provenance, levels.provenance, indices_in_split)
-        return replace(self, levels=Levels(**{**vars(mixed), "provenance": origin}), bases=bases), playing
+        return replace(self, levels=Levels(**{**vars(mixed.closed()), "provenance": origin}), bases=bases), playing
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All that :meth:`with_arrays` needs to make this pool again, as arrays by name."""

@@ -17,7 +17,7 @@ from segar.language import LARGEST, Entity, Factor, GlobalFriction, Layout, Para
 from segar.levels.apart import check_within, near_levels
 from segar.levels.explanation import Explanation, explain
 from segar.levels.hashing import content_hash
-from segar.levels.level_data import LEVEL_ARRAYS, SPLIT, LevelData, Provenance, layout_on_floor
+from segar.levels.level_data import SPLIT, LevelData, Provenance, layout_on_floor
 from segar.levels.level_set import Levels
 from segar.levels.priors import Prior, check_priors
 from segar.levels.probability.entropy import acceptance, entropy, log_acceptance
@@ -169,9 +169,7 @@ class LevelDistribution(ShownInNotebooks):
         fields = {"distribution": self, "world": self.world, "task": self.task}
         drawn = LevelData.empty(self.plan.vertices, self.layout, origin, **fields)
         draw_levels(self.plan, Streams(str(self), self._stream, int(seed), split), drawn)
-        for name in LEVEL_ARRAYS:
-            getattr(drawn, name).flags.writeable = False  # nobody else has them, so that no copy is needed
-        return Levels(**vars(drawn))
+        return Levels(**vars(drawn.closed()))
 
     def _check_room(self, n: int) -> None:
         """Raise :class:`LevelError` where the states of ``n`` levels would not fit into the memory of this machine."""

@@ -98,11 +98,18 @@ class LevelData:
         fields: dict[str, Any] = {name: getattr(self, name).copy() for name in LEVEL_ARRAYS if name not in arrays}
         return LevelData(**{**vars(self), **fields, **arrays})
 
-    def at(self, index: slice | np.ndarray) -> Self:
+    def at(self, index: slice | np.ndarray) -> LevelData:
         """Some of the levels; their arrays are views where they are a slice."""
         provenance = dataclasses.replace(self.provenance, indices=self.provenance.indices[index])
         arrays: dict[str, Any] = {name: getattr(self, name)[index] for name in LEVEL_ARRAYS}
-        return dataclasses.replace(self, **arrays, provenance=provenance)
+        return LevelData(**{**vars(self), **arrays, "provenance": provenance})
+
+    def closed(self) -> Self:
+        """The same arrays, which cannot be written from now on: where nobody else has them, :class:`segar.Levels` takes them as
+        they are, and copies others."""
+        for name in LEVEL_ARRAYS:
+            getattr(self, name).flags.writeable = False
+        return self
 
     def set_shape(self, levels: int | np.ndarray, slot: int, shape: BaseShape) -> None:
         """Set the kind of the shape of one slot's things and, unless it is random, its vertices."""

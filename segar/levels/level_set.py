@@ -55,9 +55,8 @@ class Levels(LevelData, ShownInNotebooks):
     def __post_init__(self) -> None:
         for name in LEVEL_ARRAYS:  # sets are shared, as those of suites are, and others have seen their hash
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        object.__setattr__(
-            self, "provenance", dataclasses.replace(self.provenance, indices=read_only(self.provenance.indices))
-        )
+        indices = read_only(self.provenance.indices)
+        object.__setattr__(self, "provenance", dataclasses.replace(self.provenance, indices=indices))
 
     @classmethod
     def load(cls, path: str | PathLike[str], world: World | None = None) -> Levels:
@@ -70,7 +69,7 @@ class Levels(LevelData, ShownInNotebooks):
         """
         _require_world(world)
         path = Path(path)
-        levels = cls(**vars((read_json if is_json(path) else _read_npz)(path, world)))
+        levels = cls(**vars((read_json if is_json(path) else _read_npz)(path, world).closed()))
         check_levels(levels, f"{path}: ")
         return levels
 
@@ -97,7 +96,7 @@ class Levels(LevelData, ShownInNotebooks):
         """
         drawn = () if world is None or world.space is None else world.space.parameters
         values = {p: p.default for p in drawn} | dict(parameters or {})
-        made = cls(**vars(levels_of_entities(levels, values, world, name)))
+        made = cls(**vars(levels_of_entities(levels, values, world, name).closed()))
         check_levels(made, "Levels.from_entities: ")
         return made.without_overlaps() if fix_overlaps else made
 
@@ -150,7 +149,7 @@ class Levels(LevelData, ShownInNotebooks):
             raise LevelError(
                 f"levels are picked by an index, a slice or a list of indices, and at least one; not {index!r}"
             )
-        return self.at(picked)
+        return Levels(**vars(self.at(picked).closed()))
 
     def __iter__(self) -> Iterator[Levels]:
         return (self[i] for i in range(len(self)))
