@@ -3,10 +3,12 @@
 ``training_sets.csv`` has one row per family, difficulty, n, seed and design, with these distances to the panel's test
 levels: ``w2_position`` (W2 of the places of ball, goal and all other things, whatever their types), ``w2_debiased`` (exact
 W2 without its finite-sample floor, negative where the floor is larger), and the parts of the squared exact W2:
-``part_position``, ``part_properties``, ``part_types``.
+``part_position``, ``part_properties``, ``part_types``. Three are of what is done and of what becomes of it: ``w1_policy``,
+W1 of the policy similarity under the planner; ``w2_response`` [m], W2 of the distances between the dynamics, which is of
+what the same actions change; and ``w2_uncontrollable``, the root of what factors that no action changes have in the square.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from segar.errors import LevelError
 from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.levels.builders import pick_levels
 from segar.experiments.settings import LevelsConfig
+from segar.hardness import Plan, dynamics_distances, influence, plan, policy_similarity
 from segar.language import GoalTile, GolfBall, Position
 from segar.levels import DIFFICULTIES, Levels, family
 from segar.metrics import decompose, w2_debiased
@@ -30,6 +33,7 @@ COUNTS = (1, 10, 50, 100, 200)
 TEST_LEVELS, TEST_SEED = 300, 0  # of the runs at scale standard
 FIRST_SEED = 1  # of the runs
 FLOORS = 5  # pairs of fresh sets that a floor is measured from
+SEARCH_SEED = 0  # of the planner and of random actions
 UNMATCHED = "unmatched"  # the part of entities without counterpart: another type, or none
 
 
@@ -58,6 +62,7 @@ def sets_of_panel(
     name = f"{kind}-{difficulty}"
     dist = family(name)
     test = dist.sample(test_levels, seed=TEST_SEED, split="test")
+    best, moved = plan(test, rng=np.random.default_rng(SEARCH_SEED)), controllable(test)
     rows = []
     for n in counts:
         # The squared exact W2 that sets of these sizes have because they are finite.
@@ -70,12 +75,40 @@ def sets_of_panel(
             except LevelError as error:  # no such set is found, and no agent is trained on it
                 print(f"{name}, n {n}, seed {seed}, {design}: left out, because {error}")
                 continue
-            rows.append({**place, **measures(train, test, found.value**2 - found.square)})
+            floor = found.value**2 - found.square
+            rows.append({**place, **measures(train, test, floor), **of_play(train, test, best, moved)})
     return rows
 
 
+def of_play(train: Levels, test: Levels, best: Plan, moved: Set[tuple[type, type]]) -> dict[str, float]:
+    """The measures of what is done in one training set and of what becomes of it.
+
+    Args:
+        best: the plans of the test levels.
+        moved: as :func:`controllable` finds them there.
+    """
+    own = plan(train, rng=np.random.default_rng(SEARCH_SEED))
+    responses = dynamics_distances(train, test, rng=np.random.default_rng(SEARCH_SEED))
+    others = sum(part for pair, part in decompose(train, test).parts.items() if pair not in moved)
+    return {
+        "w1_policy": emd(policy_similarity(own, best)),
+        "w2_response": float(np.sqrt(emd(responses**2))),
+        "w2_uncontrollable": float(np.sqrt(max(others, 0.0))),
+    }
+
+
+def controllable(levels: Levels) -> set[tuple[type, type]]:
+    """The pairs of an entity type and a factor that actions change, in a slot that the type has in any of the levels."""
+    layout = levels.layout
+    pairs = influence(levels, rng=np.random.default_rng(SEARCH_SEED)).of_kind("endogenous")
+    slots = dict(zip(layout.names, levels.types.T, strict=True))
+    return {
+        (layout.types[t], layout.factor(factor)) for name, factor in pairs for t in np.unique(slots[name]) if t >= 0
+    }
+
+
 def measures(train: Levels, test: Levels, floor: float) -> dict[str, float]:
-    """The measures of one training set."""
+    """The distances of one training set."""
     parts = decompose(train, test)
     square = parts.value**2
     by_factor = parts.by_factor

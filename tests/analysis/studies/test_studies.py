@@ -1,10 +1,17 @@
 """Studies without training: what they leave is what the library says, and hangs together."""
 
+import dataclasses
+
+import numpy as np
 import pandas as pd
 import pytest
 
 from segar.analysis.studies.baselines import players
 from segar.analysis.studies.hardness import hardness_with
+from segar.analysis.studies.training_sets import SEARCH_SEED, controllable, of_play
+from segar.hardness import plan
+from segar.language import GoalTile, GolfBall, Position, Velocity
+from segar.levels import family
 
 
 @pytest.fixture(scope="module")
@@ -32,3 +39,19 @@ def test_a_slow_arrival_is_hard_for_chance_and_not_for_the_planner():
     row = hardness_with(1, 2)
     assert row["random_success"] < 0.2 < row["oracle_success"] == 1.0
     assert row["random_low"] <= row["random_success"] <= row["random_high"]
+
+
+def test_measures_of_play_are_of_what_is_done_and_of_what_becomes_of_it():
+    dist = family("objectsx1-medium")
+    levels = dist.sample(20, seed=5)
+    best, moved = plan(levels, rng=np.random.default_rng(SEARCH_SEED)), controllable(levels)
+    assert {(GolfBall, Position), (GolfBall, Velocity)} <= moved and (GoalTile, Position) not in moved
+    assert of_play(levels, levels, best, moved) == dict.fromkeys(["w1_policy", "w2_response", "w2_uncontrollable"], 0.0)
+    one, found = levels[:1], {}
+    best, x = plan(one, rng=np.random.default_rng(SEARCH_SEED)), levels.layout.columns[Position]
+    for moves in (GolfBall, GoalTile):
+        values = one.values.copy()
+        values[one.types == one.layout.types.index(moves), x] *= -1
+        found[moves] = of_play(dataclasses.replace(one, values=values), one, best, moved)
+        assert found[moves]["w1_policy"] > 0.1
+    assert found[GolfBall]["w2_uncontrollable"] == 0.0 < found[GoalTile]["w2_uncontrollable"]
