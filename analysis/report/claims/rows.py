@@ -121,7 +121,7 @@ def matched_states(evidence: Evidence, experiment: str = "matched_sets_states") 
 def measured_sets(evidence: Evidence) -> pd.DataFrame:
     """The runs of :func:`matched_states` with the measures of their training sets; none where the planner's were not taken."""
     runs = evidence.results.with_training_sets(matched_states(evidence))
-    return runs[runs["w1_policy"].notna()] if "w1_policy" in runs else runs.head(0)
+    return keep(runs, runs["w1_policy"].notna()) if "w1_policy" in runs else runs.head(0)
 
 
 def doses(evidence: Evidence) -> pd.DataFrame:
@@ -196,6 +196,15 @@ def dealt_factors(evidence: Evidence) -> pd.DataFrame:
     panels = table["train"].str.split("-", expand=True)
     larger = column(table, "w2_marginals") / column(table, "w2_exact") - 1
     return table.assign(of_marginals=larger, family=panels[0], difficulty=panels[1])
+
+
+def platforms(evidence: Evidence) -> pd.DataFrame:
+    """The turns of random play on other platforms, which are blocks; ``faster`` is log10 of SEGAR's speed over theirs."""
+    table = evidence.results.studies.get("platforms", {}).get("platforms", pd.DataFrame())
+    if table.empty:
+        return table
+    faster = np.log10(column(table, "segar") / column(table, "speed"))
+    return table.assign(faster=faster, family=table["platform"], difficulty="", seed=0)
 
 
 def conditional_rewards(evidence: Evidence) -> pd.DataFrame:
@@ -303,6 +312,7 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "SAC": soft_actor_critic,
     "other tasks": other_tasks,
     "distances without training": distances_of_empty,
+    "other platforms": platforms,
     "dealt factors": dealt_factors,
     "numbers of rule sets": rule_set_runs,
     "ten rule sets": runs_on_ten,
