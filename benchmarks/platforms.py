@@ -1,7 +1,7 @@
 """Random play on SEGAR and on other platforms, one core, in turns: ``python -m benchmarks.platforms output=FILE.csv``.
 
 The other platforms are no requirement of SEGAR:
-``pip install ale-py "gymnasium[box2d,mujoco]" minigrid highway-env envpool metaworld craftax``.
+``pip install ale-py "gymnasium[box2d,mujoco]" minigrid highway-env envpool metaworld``.
 Each plays 64 environments in the way of its own that is fastest on one core (those without a batch one after another), with
 random actions that were made beforehand, and with the observations that it gives by default. SEGAR draws textures.
 The table has one row per platform and turn: environment steps per second of processor time, and those of SEGAR right after.
@@ -62,25 +62,6 @@ def envpool_play(name: str) -> Play:
     return batched(env, lambda: np.array([env.action_space.sample() for _ in range(NUM_ENVS)]))
 
 
-def craftax_play() -> Play:
-    """Craftax-Classic from pixels, a compiled batch on the processor."""
-    jax: Any = import_module("jax")
-    env = import_module("craftax.craftax_env").make_craftax_env_from_name("Craftax-Classic-Pixels-v1", auto_reset=True)
-    keys = jax.random.split(jax.random.key(0), NUM_ENVS)
-    step = jax.jit(jax.vmap(env.step, in_axes=(0, 0, 0, None)))
-    state = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(keys, env.default_params)[1]
-    actions = np.random.default_rng(0).integers(0, env.action_space(env.default_params).n, (16, NUM_ENVS))
-
-    def play() -> int:
-        nonlocal state
-        for action in actions:
-            observation, state, *_ = step(keys, state, action, env.default_params)
-        observation.block_until_ready()
-        return actions.size
-
-    return play
-
-
 def batched(env: Any, draw: Callable[[], Any]) -> Play:
     """A vector environment that begins its episodes again by itself."""
     env.reset()
@@ -102,7 +83,6 @@ PLATFORMS: dict[str, Callable[[], Play]] = {
     "Meta-World reach": lambda: gymnasium_play("Meta-World/MT1", "metaworld", env_name="reach-v3"),
     "MiniGrid FourRooms": lambda: gymnasium_play("MiniGrid-FourRooms-v0", "minigrid"),
     "highway-env": lambda: gymnasium_play("highway-v0", "highway_env"),
-    "Craftax-Classic": craftax_play,
 }
 
 
