@@ -7,14 +7,15 @@ from functools import partial
 import pandas as pd
 
 from segar.analysis.plotting.names import word_for
-from segar.analysis.report.claims.evidence import Evidence
+from segar.analysis.report.claims.evidence import Evidence, matrix
 from segar.analysis.report.claims.rows import PAPER_AGENT, SAC, rule_set_runs
 from segar.analysis.report.claims.statements import STATEMENTS, tested
 from segar.analysis.report.claims.verdicts import is_significant
 from segar.analysis.report.number_format import NONE, effect, estimate_text, plain, with_interval
 from segar.analysis.report.results import ETA, SUCCESS
+from segar.analysis.stats.correlation import explained
 from segar.analysis.stats.estimate import Estimate
-from segar.analysis.tables import count_of, keep, select
+from segar.analysis.tables import column, count_of, keep, select
 
 # Other outcomes that the rules name; the return on test levels falls as the regret grows.
 SECOND = {"gap_success": "gap in success", "gap": "gap in returns", ETA: "return on test levels (less regret)"}
@@ -103,6 +104,14 @@ def fall_over_all_runs(evidence: Evidence, runs: pd.DataFrame) -> str:
     return f"Over all runs, it falls: {estimate_text(one.found)}." if falls else ""
 
 
+def what_each_adds(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
+    """What the measures of either side of a difference of R² add to the R² of panel and n."""
+    (test,) = STATEMENTS["claims"][claim]["tests"]
+    parts = (["cell"], test["by"], test["less"])
+    alone, by, less = (explained(column(runs, test["of"]), matrix(runs, names)) for names in parts)
+    return f"Panel and n explain {alone:.3f} of the variance, to which these add {by - alone:.3f} and exact W2 {less - alone:.3f}."
+
+
 AT_EACH_N = ("4b-factors", "matched-w2", "matched-coverage", "states-w2", "states-coverage", "dose-w2", "dose-coverage")
 # Numbers that the sentences of a claim name in braces, from its evidence and rows.
 NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {"A-ks": slope_of_ks}
@@ -113,6 +122,7 @@ BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
     "3a-agent": agents_that_learned,
     "4a-trend": partial(without_one_level, claim="4a-trend"),
     **{name: partial(at_each_n, claim=name) for name in AT_EACH_N},
+    **{name: partial(what_each_adds, claim=name) for name in ("D-exogenous", "D-policies")},
     "A-sac-easy": partial(seen_before, claim="A-sac-easy", difficulty="easy"),
     "A-sac-hard": partial(seen_before, claim="A-sac-hard", agent=SAC),
     "rule-sets": without_one_rule_set,
