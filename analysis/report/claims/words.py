@@ -109,7 +109,7 @@ def what_each_adds(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
     (test,) = STATEMENTS["claims"][claim]["tests"]
     parts = (["cell"], test["by"], test["less"])
     alone, by, less = (explained(column(runs, test["of"]), matrix(runs, names)) for names in parts)
-    return f"Panel and n explain {alone:.3f} of the variance, to which these add {by - alone:.3f} and exact W2 {less - alone:.3f}."
+    return f"Panel and n explain {alone:.3f} of the variance; these add {by - alone:.3f}, exact W2 {less - alone:.3f}."
 
 
 AT_EACH_N = ("4b-factors", "matched-w2", "matched-coverage", "states-w2", "states-coverage", "dose-w2", "dose-coverage")
