@@ -8,6 +8,7 @@ import pytest
 
 from segar.analysis.report.claims.claim import LEARNED, METRIC_OURS
 from segar.analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, NOT_YET, SUPPORTED, UNDECIDED
+from segar.analysis.tables import write_csv
 from segar.experiments.settings import MATCHED_DESIGNS
 from tests.synthetic_results import claims_of, evidence_of, player_rows, run_rows, write_players
 
@@ -175,3 +176,49 @@ def test_training_in_other_tasks_is_compared_with_play_in_each_of_them(tmp_path,
         ]
         write_players(tmp_path, pd.DataFrame(floor))
     assert claims_on(tmp_path, runs)["A-tasks"].verdict(METRIC_OURS) == verdict
+
+
+@pytest.mark.parametrize(("knows", "verdict"), [("w1_policy", SUPPORTED), ("w2_exact", NOT_SUPPORTED)])
+def test_similar_policies_tell_more_than_the_distance_where_the_regret_follows_them(tmp_path, knows, verdict):
+    """What the regret does not follow of the three measures is noise; exact W2 is no part of any of them."""
+    rng, place = (
+        np.random.default_rng(5),
+        {"families": ("empty", "objectsx1"), "difficulties": ("medium",), "counts": (10, 50)},
+    )
+    runs = [run_rows(rng, "matched_sets_states", design=one, seeds=10, **place) for one in ("matched", "matched_far")]
+    runs = pd.concat(runs, ignore_index=True)
+    names = ["w1_policy", "w2_response", "w2_uncontrollable"]
+    sets = runs[["family", "difficulty", "n", "seed", "design"]].assign(
+        **{name: rng.normal(size=len(runs)) for name in names}
+    )
+    runs["w2_exact"] = rng.normal(size=len(runs))
+    known = (sets if knows in sets else runs)[knows]
+    runs = runs.assign(
+        eta_test_deterministic=-(5 + known + 0.5 * rng.normal(size=len(runs))), success_train_deterministic=0.95
+    )
+    write_players(tmp_path, player_rows())
+    write_csv(tmp_path / "studies/training_sets_matched/training_sets.csv", sets)
+    found = verdicts_of(claims_on(tmp_path, runs), ("D-policies", "D-exogenous"))
+    assert found == {"D-policies": verdict, "D-exogenous": NOT_SUPPORTED}
+
+
+@pytest.mark.parametrize(("part", "ratio", "verdicts"), [(0.02, 5.0, [SUPPORTED] * 2), (0.3, 1.5, [NOT_SUPPORTED] * 2)])
+def test_studies_without_training_tell_what_is_planted_in_one_family_and_on_one_machine(
+    tmp_path, part, ratio, verdicts
+):
+    """Dealing factors anew changes W2 by a part in Objects, and by nothing elsewhere; SEGAR is so many times as fast."""
+    rng, places = np.random.default_rng(6), list(product(("empty", "objectsx1"), ("easy", "hard"), range(6), (1, 10)))
+    sets = pd.DataFrame(places, columns=["family", "difficulty", "seed", "n"])
+    panel, exact = sets["family"] + "-" + sets["difficulty"], rng.uniform(1, 2, len(sets))
+    larger = part * (sets["family"] == "objectsx1") + 0.01 * rng.normal(size=len(sets)) + 9.0 * (sets["seed"] == 0)
+    sets = sets[["n", "seed"]].assign(
+        train=panel, test=panel, w2_exact=exact, w2_marginals=exact * (1 + larger), ks=0.5
+    )
+    write_csv(tmp_path / "studies/w2_study/distances.csv", sets)
+    turns = pd.DataFrame(list(product("abcdefg", range(5))), columns=["platform", "turn"]).assign(speed=100.0)
+    write_csv(
+        tmp_path / "studies/platforms/platforms.csv",
+        turns.assign(segar=100 * ratio * rng.uniform(0.8, 1.2, len(turns))),
+    )
+    found = claims_on(tmp_path, run_rows(rng, "figure_3a"))
+    assert [found[name].verdict(METRIC_OURS) for name in ("marginals", "light")] == verdicts
