@@ -6,6 +6,7 @@ Texts may hold ``code`` between backquotes and **strong words** between double a
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import cycle
 
 from segar.analysis.report.claims.claim import ALL_RUNS, LEARNED, METRIC_2022, METRIC_OURS, Claim, is_correlation
 from segar.analysis.report.number_format import NONE, effect, effect_of_r, p_value, plain
@@ -94,15 +95,8 @@ class Document:
 
 def pieces(text: str) -> list[tuple[str, str]]:
     """A text as (kind, words), the kinds being "plain", "code" and "strong"."""
-    found, at = [], 0
-    for match in PIECE.finditer(text):
-        if match.start() > at:
-            found.append(("plain", text[at : match.start()]))
-        found.append(("code", match[1]) if match[1] is not None else ("strong", match[2]))
-        at = match.end()
-    if at < len(text):
-        found.append(("plain", text[at:]))
-    return found
+    parts = PIECE.split(text)  # between two plain parts lies what either group of the pattern matched
+    return [(kind, part) for kind, part in zip(cycle(("plain", "code", "strong")), parts, strict=False) if part]
 
 
 def finding_rows(claim: Claim) -> list[list[str]]:
