@@ -14,14 +14,10 @@ from segar.analysis.stats.correlation import correlate, indicators, residuals, w
 from segar.analysis.tables import Floats, column
 from segar.errors import SegarError, did_you_mean
 
+PANEL = ("family", "difficulty")  # columns
 
-def associations(
-    table: pd.DataFrame,
-    x: str,
-    y: str,
-    panel: Sequence[str] = ("family", "difficulty"),
-    given: Sequence[str] = ("n",),
-) -> pd.DataFrame:
+
+def associations(table: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
     """Every correlation of ``x`` and ``y`` that the questions about a gap ask for, one row each.
 
     ``test``      "pooled", "given panel", "given panel and log n", "given cell" (a panel and a number of levels: what is
@@ -34,15 +30,13 @@ def associations(
     and ``estimate``, ``low``, ``high`` (95 %), ``n`` (runs), ``p`` (two-sided), ``note`` (why there is no number).
 
     Args:
-        table: one row per run.
-        panel: columns that make up the panel.
-        given: covariates beside the panel, of which the logarithms count.
+        table: one row per run, with its family, difficulty and n.
 
     Raises:
         SegarError: a column is missing, or a logarithm does not exist.
     """
-    require(table, x, y, *panel, *given)
-    names, words = keys(table, panel), labels(table, panel)
+    require(table, x, y, *PANEL, "n")
+    names, words = keys(table, PANEL), labels(table, PANEL)
     rows: list[dict[str, Any]] = []
     for rule in ("kept", "removed: points", "removed: residuals"):
         keep = kept(table, x, y, names, rule)
@@ -51,11 +45,8 @@ def associations(
         a, b = (column(part, name) for name in (x, y))
         panels = indicators(part_names)
         tests = [("pooled", "", correlate(a, b)), ("given panel", "", correlate(a, b, panels))]
-        if given:
-            both = np.column_stack([panels, logarithms(part, given)])
-            cells = indicators(keys(part, [*panel, *given]))
-            tests.append((f"given panel and log {' and log '.join(given)}", "", correlate(a, b, both)))
-            tests.append(("given cell", "", correlate(a, b, cells)))
+        both, cells = np.column_stack([panels, logarithms(part, "n")]), indicators(keys(part, [*PANEL, "n"]))
+        tests += [("given panel and log n", "", correlate(a, b, both)), ("given cell", "", correlate(a, b, cells))]
         for name in np.unique(part_names):
             mine = part_names == name
             tests.append(("within", words[names == name][0], correlate(a[mine], b[mine])))
@@ -124,11 +115,11 @@ def labels(table: pd.DataFrame, names: Sequence[str]) -> NDArray[Any]:
     )
 
 
-def logarithms(table: pd.DataFrame, names: Sequence[str]) -> Floats:
-    """The logarithms of columns [n, k]; raises :class:`SegarError` where there is none."""
-    values = np.column_stack([column(table, name) for name in names])
+def logarithms(table: pd.DataFrame, name: str) -> Floats:
+    """The logarithms of a column; raises :class:`SegarError` where there is none."""
+    values = column(table, name)
     if not (values > 0).all():
-        raise SegarError(f"a value of {', '.join(names)} has no logarithm")
+        raise SegarError(f"a value of {name} has no logarithm")
     return np.log(values)
 
 

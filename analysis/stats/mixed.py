@@ -106,7 +106,7 @@ def model_table(
         raise SegarError(f"log: '{stray[0]}' is not among x, {', '.join(x)}")
     data = {"y": column(table, y)}
     for k, name in enumerate(x):
-        data[f"x{k}"] = logarithms(table, [name])[:, 0] if name in log else column(table, name)
+        data[f"x{k}"] = logarithms(table, name) if name in log else column(table, name)
     terms = [f"log {name}" if name in log else name for name in x]
     for key, values in data.items():
         if why_not(values):

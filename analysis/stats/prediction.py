@@ -5,16 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from segar.analysis.stats.association import keys, require
+from segar.analysis.stats.association import PANEL, keys, require
 from segar.analysis.stats.correlation import explained, why_not
 from segar.analysis.tables import Floats, column
 
 
 def left_out(
-    table: pd.DataFrame,
-    y: str,
-    predictors: Mapping[str, Sequence[str]],
-    groups: Sequence[str] = ("family", "difficulty"),
+    table: pd.DataFrame, y: str, predictors: Mapping[str, Sequence[str]], groups: Sequence[str] = PANEL
 ) -> pd.DataFrame:
     """R² of least squares on each set of columns: of the runs themselves, and of groups that were left out in turn.
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from segar.analysis.stats.association import keys, require
+from segar.analysis.stats.association import PANEL, keys, require
 from segar.analysis.stats.correlation import residuals
 from segar.analysis.stats.estimate import Estimate, mean_of_replicates, student_p
 from segar.analysis.tables import Floats, column, keep
@@ -109,39 +109,30 @@ def cluster_jackknife(
 
 
 def permutation_of_blocks(
-    table: pd.DataFrame,
-    x: str,
-    y: str,
-    given: Floats,
-    rng: np.random.Generator,
-    *,
-    within: Sequence[str] = ("family", "difficulty"),
-    block: str = "seed",
-    at: str = "n",
-    resamples: int = RESAMPLES,
+    table: pd.DataFrame, x: str, y: str, given: Floats, rng: np.random.Generator, *, resamples: int = RESAMPLES
 ) -> Estimate:
     """Correlation of ``x`` and ``y`` given covariates, with the p of permuting whole blocks of x within panels.
 
-    What the covariates leave of x is dealt to other blocks of the same panel, all rows of a block together and each to the
-    row with the same ``at`` (Freedman and Lane 1983). So runs of one seed, whose training levels are nested over n, stay
-    together. A row whose partner is missing gets 0, the mean. (hits + 1) / (resamples + 1), two-sided; no interval.
+    A panel is a family and difficulty, and a block the runs of one seed in it, whose training levels are nested over n. What
+    the covariates leave of x is dealt to other blocks of the same panel, all rows of a block together and each to the row
+    with the same n (Freedman and Lane 1983). A row whose partner is missing gets 0, the mean. (hits + 1) / (resamples + 1),
+    two-sided; no interval.
 
     Args:
         given: [rows, covariates], with a constant among them.
-        within, block, at: columns that name the panel, the block in it, and the row in the block.
 
     Raises:
-        SegarError: a column or a value of one is missing, two rows have one block and ``at``, no panel has two blocks, or
+        SegarError: a column or a value of one is missing, two rows have one block and n, no panel has two blocks, or
             nothing varies.
     """
-    require(table, x, y, *within, block, at)
+    require(table, x, y, *PANEL, "seed", "n")
     a, b = column(table, x), column(table, y)
     left, right = residuals(a, given), residuals(b, given)
     if not all(np.linalg.norm(rest) > 1e-9 * np.linalg.norm(whole) for rest, whole in ((left, a), (right, b))):
         raise SegarError(f"{x} or {y} has missing values or does not vary given the covariates: nothing to permute")
-    panels, blocks, places = (keys(table, names) for names in (within, (*within, block), (at,)))
+    panels, blocks, places = (keys(table, names) for names in (PANEL, (*PANEL, "seed"), ("n",)))
     if len(set(zip(blocks, places, strict=True))) < len(table):
-        raise SegarError(f"two rows of one panel have the same {block} and {at}, and only one of them can be dealt")
+        raise SegarError("two rows of one panel have the same seed and n, and only one of them can be dealt")
     grid = np.zeros((blocks.max() + 1, places.max() + 1))
     grid[blocks, places] = left
     blocks_of = [np.unique(blocks[panels == k]) for k in range(panels.max() + 1)]

@@ -39,7 +39,7 @@ def twins(seeds: int = 6) -> pd.DataFrame:
 
 def test_panels_whose_joined_names_are_one_stay_apart():
     table = twins()
-    found = associations(table, "x", "y", given=()).query("outliers == 'kept' and method == 'pearson'")
+    found = associations(table, "x", "y").query("outliers == 'kept' and method == 'pearson'")
     found = found.set_index("test")
     assert found.loc["pooled", "estimate"] < 0 < 0.99 < found.loc["given panel", "estimate"]
     assert len(found.loc[["within"]]) == 2
