@@ -14,7 +14,7 @@ from segar.analysis.probes.readouts import predict_linear, predict_mlp
 from segar.analysis.stats.estimate import Estimate, student_p
 from segar.analysis.stats.resampling import FEWEST_UNITS, no_interval
 from segar.analysis.tables import Floats, Ints
-from segar.errors import SegarError, did_you_mean
+from segar.experiments.settings import require_known
 
 PROBES = {"ridge": predict_linear, "mlp": predict_mlp}
 FOLDS = 2
@@ -55,8 +55,7 @@ def probe_factors(
         SegarError: a probe is unknown, or there are fewer episodes than folds.
     """
     for name in probes:
-        if name not in PROBES:
-            raise SegarError(f"probe '{name}' is unknown.{did_you_mean(name, PROBES)}")
+        require_known("probe", name, PROBES)
     parts = episode_folds(pairs.episode, FOLDS, rng)
     x = standardised_representation(pairs.representation)
     rows: list[dict[str, Any]] = []

@@ -21,7 +21,8 @@ from segar.analysis.probes.critics import (
 from segar.analysis.probes.pairs import Pairs, episode_folds, standardised, standardised_representation
 from segar.analysis.stats.estimate import Estimate, mean_of_replicates
 from segar.analysis.tables import Floats, Ints
-from segar.errors import SegarError, did_you_mean
+from segar.errors import SegarError
+from segar.experiments.settings import require_known
 
 Marginal = Literal["joint", "paper"]
 Split = tuple[Tensor, Tensor]  # rows to fit on, rows held out
@@ -58,7 +59,7 @@ def mine_accuracy(
     Raises:
         SegarError: nothing varies, or there are too few pairs or episodes.
     """
-    require(marginal, Marginal, "marginal")
+    require_known("marginal", marginal, get_args(Marginal))
     x, z, group = _prepared(representation, factors, episode)
     splits = _splits(group, 1, rng)
     if marginal == "paper":
@@ -88,7 +89,7 @@ def estimate_bounds(
         SegarError: as :func:`mine_accuracy`, or an argument is unknown.
     """
     for bound in bounds:
-        require(bound, Bound, "bound")
+        require_known("bound", bound, get_args(Bound))
     x, z, group = _prepared(pairs.representation, pairs.factors, pairs.episode, pairs)
     found = {}
     data = f"{len(x)} frames of {len(np.unique(group))} episodes"
@@ -143,12 +144,6 @@ def _prepared(
     group = np.arange(len(x)) if episode is None else np.asarray(episode, np.int64)
     seen = standardised(z, pairs.columns if pairs is not None else None)
     return torch.from_numpy(standardised_representation(x)), torch.from_numpy(seen), group
-
-
-def require(name: str, known: Any, what: str) -> None:
-    """Raises :class:`SegarError` unless a literal type has this value."""
-    if name not in get_args(known):
-        raise SegarError(f"{what} '{name}' is unknown.{did_you_mean(name, get_args(known))}")
 
 
 def _splits(group: Ints, replicates: int, rng: np.random.Generator) -> list[Split]:

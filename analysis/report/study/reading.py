@@ -19,7 +19,7 @@ from segar.experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_S
 from segar.experiments.runs.run_folder import LONGEST
 from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import ConfigError, RunFolderError, add_module_path, flat
-from segar.support import content_of, misfit, read_yaml
+from segar.support import content_of, data_in, read_yaml
 
 NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic", "test_levels",
           "hours", "code")  # fmt: skip
@@ -106,15 +106,10 @@ def is_study(folder: Path) -> bool:
 def read_study(folder: Path) -> Study:
     """The study in a results folder; raises :class:`RunFolderError`."""
     path = folder / STUDY
-    content = content_of(path, "study", RunFolderError, LONGEST)
-    try:
-        asked = read_yaml(content)
-    except ValueError as error:
-        raise RunFolderError(f"cannot read {path}: {error}") from error
-    if wrong := misfit(asked, READ):
-        raise RunFolderError(f"{path}: {wrong}")
+    asked = data_in(path, "a study", RunFolderError, read_yaml, LONGEST, READ)
+    text = content_of(path, "study", RunFolderError, LONGEST).decode()
     used = {key: asked[key] for key in ("claims", "module_path") if key in asked}
-    add_module_path(settings_of_file(path, used, (), content.decode()).get("module_path", ()))
+    add_module_path(settings_of_file(path, used, (), text).get("module_path", ()))
     results = read_results(folder, NEEDED)
     table, vary = results.runs, [str(name) for name in (asked.get("grid") or {}).get("vary", ())]
     shared = table["levels.seed"].fillna(table["seed"]) if "levels.seed" in table else table["seed"]

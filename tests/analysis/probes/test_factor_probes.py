@@ -167,7 +167,7 @@ def test_missing_numbers_become_a_column_that_says_so():
 
 
 def test_errors_name_the_culprit(pairs):
-    with pytest.raises(SegarError, match=r"probe 'rigde' is unknown\. Did you mean 'ridge'"):
+    with pytest.raises(SegarError, match=r"probe: 'rigde' is unknown\. Did you mean 'ridge'"):
         probe_factors(pairs, rng(), probes=("rigde",))
     with pytest.raises(LevelError, match="folds need at least"):
         episode_folds(np.zeros(10, np.int64), 2, rng())
