@@ -14,7 +14,7 @@ import pandas as pd
 from segar.analysis.plotting.style import colours
 from segar.analysis.tables import column
 from segar.experiments.settings import TrackingConfig, without_password
-from segar.experiments.tracking.mlflow_store import calling, open_store, show_views, store_uri
+from segar.experiments.tracking.mlflow_store import calling, open_store, runs_with, show_views, store_uri
 from segar.experiments.tracking.mlflow_sync import read_sync_state
 from segar.experiments.tracking.mlflow_views import COLOUR, VIEWS_OF_PAPER
 
@@ -62,11 +62,9 @@ def colours_of(runs: pd.DataFrame) -> dict[str, str]:
 def parent_of(client: Any, mlflow_experiment: str, experiment: Mapping[str, Any], results: Path) -> str:
     """The id of the parent run of an experiment of these results; made if there is none."""
     tags = {"kind": "experiment", "experiments": experiment["name"], "results": str(results)}
-    wanted = " and ".join(f"tags.{name} = '{value}'" for name, value in tags.items())
-    tags |= {"figure": experiment["figure"], "title": experiment["title"]}
-    found = calling(client.search_runs, [mlflow_experiment], wanted, max_results=1)
-    if found:
+    if found := runs_with(client, mlflow_experiment, **tags):
         return found[0].info.run_id
+    tags |= {"figure": experiment["figure"], "title": experiment["title"]}
     made = calling(client.create_run, mlflow_experiment, run_name=f"{experiment['name']} ({results.name})", tags=tags)
     return made.info.run_id
 

@@ -15,14 +15,11 @@ from omegaconf import OmegaConf
 
 import segar
 from segar.experiments.settings import (
-    CURRICULA,
-    KINDS,
     NO_CURRICULUM,
+    OWN_CLASSES,
     OWN_TASK,
     TRACKERS,
-    AlgorithmConfig,
     ConfigError,
-    CurriculumConfig,
     RunConfig,
     as_data,
     class_named,
@@ -33,11 +30,6 @@ from segar.suites import outline, suites
 from segar.support import WORKSPACE
 from segar.tasks import TASKS
 
-OWN_CLASSES: Mapping[str, tuple[type[Any], Mapping[str, Any]]] = {
-    "algorithm": (AlgorithmConfig, KINDS),
-    "curriculum": (CurriculumConfig, CURRICULA),
-}
-"""The groups whose settings are of a class, which may be one's own: what it is a sub-class of, and those that are built in."""
 WITH_OPTIONS = ("task", "observation")
 """The groups with ``options``: keyword arguments of the named task or observation, which knows them. Any may be set without
 a ``+``."""

@@ -13,8 +13,9 @@ from hydra.errors import CompactHydraException, MissingConfigException
 from omegaconf import OmegaConf
 
 from segar.errors import did_you_mean
-from segar.experiments.commands.config_store import OWN_CLASSES, WITH_OPTIONS, register_own
+from segar.experiments.commands.config_store import WITH_OPTIONS, register_own
 from segar.experiments.settings import (
+    OWN_CLASSES,
     TARGET,
     ConfigError,
     hand_on_password,

@@ -321,11 +321,7 @@ def write(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunFolderError(f"cannot make the folder {out}: {error.strerror}") from error
-    for name in (
-        SUMMARY,
-        CAUSES,
-        NETWORK_FILE,
-    ):  # of an evaluation that is replaced; a summary belongs to the other files
+    for name in (SUMMARY, CAUSES, NETWORK_FILE):  # of an evaluation that is replaced; a summary belongs to the others
         (out / name).unlink(missing_ok=True)
     levels.save(out / LEVELS)
     if network is not None:

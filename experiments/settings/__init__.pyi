@@ -47,7 +47,6 @@ from .checks import (
     that,
 )
 from .curricula import (
-    CURRICULA as CURRICULA,
     NO_CURRICULUM as NO_CURRICULUM,
     SCORES as SCORES,
     ACCELConfig,
@@ -86,6 +85,7 @@ from .run import (
     ACTION_MODES as ACTION_MODES,
     DEFAULT_TASK as DEFAULT_TASK,
     DIFFICULTIES as DIFFICULTIES,
+    OWN_CLASSES as OWN_CLASSES,
     OWN_TASK as OWN_TASK,
     TRACKERS as TRACKERS,
     ActionMode as ActionMode,

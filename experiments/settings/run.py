@@ -47,7 +47,11 @@ TRACKERS = ("mlflow", "none")
 DIFFICULTIES = ("easy", "medium", "hard")
 OWN_TASK = "levels"  # the task.name that means the task of the training levels
 FIRST_OF_STREAM = 100  # levels of an endless stream that agents are evaluated on
-NAMED: Mapping[type, Mapping[str, type]] = {AlgorithmConfig: KINDS, CurriculumConfig: CURRICULA}  # by their class
+OWN_CLASSES: Mapping[str, tuple[type[Any], Mapping[str, Any]]] = {
+    "algorithm": (AlgorithmConfig, KINDS),
+    "curriculum": (CurriculumConfig, CURRICULA),
+}
+"""The groups whose settings are of a class, which may be one's own: what it is a sub-class of, and those that are built in."""
 DEFAULT_TASK = "puttputt"  # of levels that name none
 
 
@@ -304,7 +308,7 @@ def as_data(config: Any, without_later_defaults: bool = False) -> dict[str, Any]
                 for f in dataclasses.fields(value)
                 if not (without_later_defaults and ADDED_LATER in f.metadata and getattr(value, f.name) == f.default)
             }
-            known = next((kinds for base, kinds in NAMED.items() if isinstance(value, base)), None)
+            known = next((kinds for base, kinds in OWN_CLASSES.values() if isinstance(value, base)), None)
             return content if known is None else {**named_class(type(value), known), **content}
         if isinstance(value, Mapping):
             return {key: plain(v) for key, v in value.items()}

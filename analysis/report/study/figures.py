@@ -1,6 +1,6 @@
 """The figures of a study."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -142,5 +142,4 @@ def of_all_runs(rows: pd.DataFrame) -> pd.DataFrame:
     return keep(rows, there == runs)
 
 
-DRAWN: Sequence[Callable[[Study], Drawn]] = (gap_against_distance, success, gap, curves)
-FIGURES = {draw.__name__: draw for draw in DRAWN}
+FIGURES = {draw.__name__: draw for draw in (gap_against_distance, success, gap, curves)}
