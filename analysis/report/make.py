@@ -20,10 +20,9 @@ from segar.analysis.report.claims.claim import CLAIMS, Claim
 from segar.analysis.report.claims.evidence import GIVEN
 from segar.analysis.report.document.blocks import Picture
 from segar.analysis.report.document.files import PAGE, SUFFIXES, write_document, write_picture
-from segar.analysis.report.paper import paper
 from segar.analysis.report.serve import serve_report
-from segar.analysis.report.study import is_study, study
-from segar.analysis.report.subject import Subject
+from segar.analysis.report.study.reading import is_study
+from segar.analysis.report.subject import Subject, paper, study
 from segar.analysis.tables import write_csv
 from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.reproduction.experiment_file import PLAN, SCALES
