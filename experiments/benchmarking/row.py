@@ -11,7 +11,6 @@ import dataclasses
 import hashlib
 import json
 import re
-import shutil
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,10 +18,9 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from segar.experiments.benchmarking.protocol import PLAYERS, PROTOCOL
-from segar.experiments.runs.files import read_json, read_table, replacing, write_text
+from segar.experiments.runs.files import read_json, read_table, write_bytes, write_parquet, write_text
 from segar.experiments.runs.run_folder import differences, write_json
 from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import RunFolderError
@@ -347,11 +345,9 @@ def add_pieces(folder: Path, method: Method, new: Sequence[NewPiece]) -> Row:
         tables = [*(_without(one, added) for one in tables), *(one.episodes.cast(EPISODES) for one in new)]
         for one in new:
             if one.path is not None:
-                with replacing(folder / one.piece.file) as beside:
-                    shutil.copyfile(one.path, beside)
+                write_bytes(folder / one.piece.file, one.path.read_bytes())
         episodes = pa.concat_tables(tables).sort_by([(key, "ascending") for key in KEYS])
-        with replacing(folder / TABLE) as beside:
-            pq.write_table(episodes, str(beside), compression="zstd")
+        write_parquet(folder / TABLE, episodes, "zstd")
         write_means(folder, episodes)
         _write(folder, method, pieces, {} if before is None else before.files)
     return read_row(folder)
@@ -394,8 +390,7 @@ def write_means(folder: Path, episodes: pa.Table) -> None:
     """Writes the means of the levels where some were played several times; such episodes are many."""
     means = means_of(episodes)
     if len(means) < len(episodes):
-        with replacing(folder / MEANS) as beside:
-            pq.write_table(means, str(beside), compression="zstd")
+        write_parquet(folder / MEANS, means, "zstd")
 
 
 def _write(
@@ -442,8 +437,7 @@ def file_hash(path: Path) -> str:
 
 def write_piece(folder: Path, piece: Piece, episodes: pa.Table) -> None:
     """Writes a piece into a folder of its own, in which its file lies already."""
-    with replacing(folder / TABLE) as beside:
-        pq.write_table(episodes, str(beside))
+    write_parquet(folder / TABLE, episodes)
     write_json(folder / PIECE, dataclasses.asdict(piece))
 
 

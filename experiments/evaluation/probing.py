@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from segar.errors import SegarError
 from segar.experiments.commands.plugin import find_plugin
 from segar.experiments.runs.executed_code import fingerprint
-from segar.experiments.runs.files import opened_table, replacing
+from segar.experiments.runs.files import opened_table, write_parquet
 from segar.experiments.runs.run_folder import (
     METRIC_SCHEMA,
     METRICS,
@@ -119,8 +119,8 @@ def probe_finished(run: RunConfig, config: ProbeConfig, say: Callable[[str], Non
     about = {"asked": as_data(config), "code": code_of_probes(), "seconds": took}
     with lock(folder):
         add_figures(folder, figures, took)
-        with replacing(folder / PROBES) as beside:  # last: it is there if and only if the figures are
-            pq.write_table(table.replace_schema_metadata({ABOUT: json.dumps(about).encode()}), beside)
+        described = table.replace_schema_metadata({ABOUT: json.dumps(about).encode()})
+        write_parquet(folder / PROBES, described)  # last: it is there if and only if the figures are
         send_to_tracker(run, folder, say)
     say(f"{run.label()}: probed in {took:.1f} s, accuracy {figures.get(PREFIX + 'accuracy/test', float('nan')):.3f}")
     of_trained = [row for row in rows if row["representation"] == TRAINED and row["levels"] == "test"]

@@ -41,6 +41,12 @@ def write_text(path: Path, content: str) -> None:
     write_bytes(path, content.encode())
 
 
+def write_parquet(path: Path, table: pa.Table, compression: str = "snappy") -> None:
+    """Replaces the Parquet file at ``path`` by ``table``; raises :class:`RunFolderError`."""
+    with replacing(path) as beside:
+        pq.write_table(table, beside, compression=compression)
+
+
 def read_json(path: Path, form: Any = dict, only: bool = False) -> Any:
     """The data in a JSON file.
 

@@ -22,7 +22,6 @@
 
 import dataclasses
 import json
-import os
 import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -30,10 +29,9 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 import yaml
 
-from segar.experiments.runs.files import read_json, read_table, replacing, write_text
+from segar.experiments.runs.files import read_json, read_table, write_parquet, write_text
 from segar.experiments.runs.own_modules import folders_of, modules_named, own_packages
 from segar.experiments.runs.trust import settings_of_file, signed
 from segar.experiments.settings import (
@@ -329,8 +327,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema)
     more = [name for name in (rows[0] if rows else ()) if name not in schema.names]
     for name in more:
         table = table.append_column(name, pa.array([row[name] for row in rows]))
-    with replacing(path) as beside:
-        pq.write_table(table, os.fspath(beside))
+    write_parquet(path, table)
 
 
 def write_json(path: Path, data: Any) -> None:
