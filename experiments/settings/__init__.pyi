@@ -63,7 +63,6 @@ from .from_data import construct as construct, flat as flat, run_config as run_c
 from .grid import (
     GridPoint as GridPoint,
     config_at as config_at,
-    design as design,
     design_hash as design_hash,
     grid_point as grid_point,
     panel_parts as panel_parts,

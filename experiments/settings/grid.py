@@ -1,7 +1,6 @@
 """The cells of experiments, each of a family, a difficulty, a number of training levels and a seed, as run configurations."""
 
 import dataclasses
-from typing import Any
 
 from segar.experiments.settings.own_code import without_folder
 from segar.experiments.settings.run import DIFFICULTIES, RunConfig, digest
@@ -39,15 +38,10 @@ def panel_parts(name: str) -> tuple[str, str]:
     return (family, difficulty) if dash and difficulty in DIFFICULTIES else (without_folder(name), "")
 
 
-def design(config: RunConfig) -> dict[str, Any]:
-    """The settings that decide the results and that all cells and seeds of one experiment share, as plain data."""
+def design_hash(config: RunConfig) -> str:
+    """Eight hexadecimal digits of the settings that decide the results and that all cells and seeds of one experiment share."""
     data = config.identity()
     levels = {key: value for key, value in data["levels"].items() if key not in ("train", "test", "count", "seed")}
     levels["shifted"] = config.levels.test_distribution != config.levels.train
     levels["seed"] = "that of the run" if config.levels.seed == config.seed else config.levels.seed
-    return {**{key: value for key, value in data.items() if key != "seed"}, "levels": levels}
-
-
-def design_hash(config: RunConfig) -> str:
-    """Eight hexadecimal digits that are equal for equal :func:`segar.experiments.settings.design`."""
-    return digest(design(config))
+    return digest({**{key: value for key, value in data.items() if key != "seed"}, "levels": levels})

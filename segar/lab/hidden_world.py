@@ -81,8 +81,7 @@ class Lab:
         for name, low in least.items():
             if not is_whole(getattr(self, name)) or getattr(self, name) < low:
                 raise SegarError(f"Lab: {name} must be a whole number from {low} up, not {getattr(self, name)!r}")
-        if not 0 <= self.noise < np.inf:
-            raise SegarError(f"Lab: the noise must be a finite number from 0 up, not {self.noise!r}")
+        checks.require_size("Lab", "noise", self.noise)
         if self.space and generate(self.hidden.layout, world_of(self.hidden), self.task.functions()).draws:
             raise SegarError("Lab: a rule or the task draws random numbers, so that nobody can know what comes")
 
