@@ -131,7 +131,7 @@ def test_figures_stand_behind_those_of_training_and_are_replaced(finished):
 
 def test_killed_before_the_end_it_is_done_again_and_leaves_nothing_twice(finished, monkeypatch):
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(pq, "write_table", lambda table, path: (_ for _ in ()).throw(KeyboardInterrupt))
+        patched.setattr(pq, "write_table", lambda *_, **options: (_ for _ in ()).throw(KeyboardInterrupt))
         probe_finished(finished, ASKED)
     assert not is_probed(finished, ASKED)
     probe_finished(finished, ASKED)
