@@ -8,7 +8,7 @@ from torch._dynamo.exc import BackendCompilerFailed
 
 from segar import family
 from segar.experiments.algorithms.ppo import PPO
-from segar.experiments.settings import ConfigError, PPOConfig, RecurrentPPOConfig, TrainingError
+from segar.experiments.settings import PPOConfig, TrainingError
 from segar.experiments.training.run import run
 from tests.experiments.short_runs import killed_after, same_results, short_run
 
@@ -63,8 +63,3 @@ def test_where_torch_cannot_compile_the_way_out_is_named(monkeypatch):
     monkeypatch.setattr(torch, "compile", lambda *_, **__: fails)
     with pytest.raises(TrainingError, match=r"no C\+\+ compiler.*algorithm.compile=false"):
         learner().iterate()
-
-
-def test_a_recurrent_policy_is_not_compiled():
-    with pytest.raises(ConfigError, match=r"algorithm.compile.*must be false"):
-        RecurrentPPOConfig(compile=True)

@@ -1,13 +1,15 @@
-"""An algorithm that does not fit the protocol is refused at start, with the list of what it lacks."""
+"""What does not fit an algorithm is refused at start by name: what a learner lacks, settings, and observations."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import ClassVar
 
 import pytest
 from torch import nn
 
+import segar
 from segar.experiments.algorithms.learner import learner_class, make_learner
-from segar.experiments.settings import AlgorithmConfig, ConfigError
+from segar.experiments.settings import KINDS, AlgorithmConfig, ConfigError
 from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
@@ -72,3 +74,42 @@ def test_settings_that_name_no_learner_are_refused():
 def test_attributes_are_asked_for_once_the_learner_is_made(kind, lacking):
     with pytest.raises(ConfigError, match=lacking):
         make_learner(kind, OwnConfig(), None, 100, 0)
+
+
+SMALL = {"num_envs": 4, "num_steps": 8}
+REPLAY = {**SMALL, "warmup": 12, "capacity": 200}
+TRANSITION = {**SMALL, "model": "transition"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "wrong", "wanted"),
+    [
+        ("sac", REPLAY, {"capacity": 15}, "at least 16, 4 x num_envs"),
+        ("sac", REPLAY, {"warmup": 7}, "at least 2 x num_envs, 8"),
+        ("ppg", SMALL, {"shared": True}, "false: policy and value have networks of their own"),
+        ("ppg", SMALL, {"shared": None}, "false: policy and value have networks of their own"),
+        ("ppg", SMALL, {"auxiliary_minibatches": 33}, "at most the 32 pieces of steps_together=1 in a rollout"),
+        ("drac", SMALL, {"augmentations": ()}, "one or more of crop, .*each once"),
+        ("drac", SMALL, {"augmentations": ("crop", "crop")}, "each once"),
+        ("drac", SMALL, {"compile": True}, "false: torch cannot trace how keypoints are found in augmented frames"),
+        ("curl", SMALL, {"auxiliary_minibatches": 17}, "half a rollout's frames, 16"),
+        ("spr", SMALL, {"horizon": 2}, "from 1 to 1"),
+        ("spr", TRANSITION, {"horizon": 8}, "from 1 to 7"),
+        ("ppo_recurrent", SMALL, {"minibatches": 5}, "at most num_envs, 4"),
+        ("ppo_recurrent", SMALL, {"shared": False}, "true"),
+        ("ppo_recurrent", SMALL, {"compile": True}, "false"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused_by_name(kind, settings, wrong, wanted):
+    config, (setting,) = KINDS[kind](**{"minibatches": 2, **settings} if kind != "sac" else settings), wrong
+    with pytest.raises(ConfigError, match=rf"algorithm\.{setting}: .*{wanted}"):
+        dataclasses.replace(config, **wrong)
+
+
+@pytest.mark.parametrize(("kind", "shown"), [("curl", "state"), ("drac", "state"), ("drq", "state"), ("sac", "rgb")])
+def test_observations_that_an_algorithm_cannot_read_are_refused_with_those_that_it_reads(kind, shown):
+    config = KINDS[kind](num_envs=2)
+    env = learner_class(config).make_env(segar.family("empty-easy").sample(1), 2, seed=0, observation=shown)
+    reads = "vectors, not .*; algorithm=drq reads frames" if shown == "rgb" else "frames, not .*; .*rgb shows frames"
+    with pytest.raises(ConfigError, match=f"algorithm: {kind} reads {reads}"):
+        make_learner(learner_class(config), config, env, 10_000, 0)

@@ -124,19 +124,6 @@ def test_a_budget_without_a_phase_is_refused():
         learner(budget=3 * ROLLOUT - 1)
 
 
-@pytest.mark.parametrize(
-    ("setting", "value", "wanted"),
-    [
-        ("shared", True, "false: policy and value have networks of their own"),
-        ("shared", None, "false"),
-        ("auxiliary_minibatches", 129, "at most the 128 pieces of steps_together=1 in a rollout"),
-    ],
-)
-def test_settings_that_make_no_sense_are_refused_by_name(setting, value, wanted):
-    with pytest.raises(ConfigError, match=rf"algorithm\.{setting}: .*({wanted})"):
-        dataclasses.replace(CONFIG, **{setting: value})
-
-
 def test_figures_of_a_phase_are_means_over_its_episodes():
     figures = [
         {"episode/count": 3.0, "episode/return": 1.0, "loss/value": 1.0},

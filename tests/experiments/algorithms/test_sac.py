@@ -9,10 +9,9 @@ from tensordict import TensorDict
 
 from segar import family
 from segar.envs.vector import VectorEnv
-from segar.experiments.algorithms.drq import DrQ, DrQPolicy
-from segar.experiments.algorithms.sac import SAC, SACPolicy
-from segar.experiments.networks.encoders import cnn_2022
-from segar.experiments.settings import ConfigError, DrQConfig, SACConfig
+from segar.experiments.algorithms.drq import DrQ
+from segar.experiments.algorithms.sac import SAC
+from segar.experiments.settings import DrQConfig, SACConfig
 from segar.tasks.puttputt_task import puttputt
 
 LEVELS = family("empty-easy").sample(5, seed=0)
@@ -216,29 +215,3 @@ def test_frames_before_and_after_a_step_are_shifted_by_draws_of_their_own(monkey
         one.step()
     one.update()
     assert shifted == [FRAMES.shift] * 2
-
-
-def test_the_cnn_of_2022_has_the_size_that_its_description_says():
-    cnn = cnn_2022(64, 64, 3)
-    assert sum(p.numel() for p in cnn.parameters()) == 388_416
-    config = dataclasses.replace(FRAMES, encoder="cnn_2022")
-    assert DrQPolicy(config, (64, 64, 3), 2).represent(np.zeros((2, 64, 64, 3), np.uint8)).shape == (2, 4096)
-
-
-def test_observations_that_an_algorithm_cannot_read_are_refused_with_the_one_that_can():
-    with pytest.raises(ConfigError, match=r"sac reads vectors, not .*\[64, 64, 3\]; algorithm=drq reads frames"):
-        SACPolicy(SMALL, (64, 64, 3), 2)
-    with pytest.raises(ConfigError, match=r"drq reads frames, not .*\[9\]; algorithm=sac reads vectors"):
-        DrQPolicy(FRAMES, (9,), 2)
-
-
-@pytest.mark.parametrize(
-    ("setting", "value", "wanted"),
-    [
-        ("capacity", 11, "at least 12, 4 x num_envs"),
-        ("warmup", 5, "at least 2 x num_envs, 6"),
-    ],
-)
-def test_settings_that_make_no_sense_are_refused_by_name(setting, value, wanted):
-    with pytest.raises(ConfigError, match=rf"algorithm\.{setting}: .*{wanted}"):
-        dataclasses.replace(SMALL, **{setting: value})
