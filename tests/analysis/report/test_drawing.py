@@ -14,9 +14,3 @@ def test_the_interval_of_a_share_is_student_s_within_what_a_share_can_be(seed):
         found, whole = mean_of_units(values, "runs", least, 1.0), mean_of_replicates(values)
         assert found.estimate == whole.estimate
         assert (found.low, found.high) == (max(whole.low, least), min(whole.high, 1.0))
-
-
-@pytest.mark.parametrize("values", [[0.5], [0.1, 0.9]])
-def test_fewer_than_three_runs_have_a_mean_and_no_interval(values):
-    found = mean_of_units(values, "runs")
-    assert found.estimate == np.mean(values) and np.isnan([found.low, found.high]).all()

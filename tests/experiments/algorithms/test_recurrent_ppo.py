@@ -2,14 +2,12 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 import torch
 from tensordict import TensorDict
 from torchrl.modules import set_recurrent_mode
 
 from segar import family
-from segar.envs import VectorEnv
 from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO
 from segar.experiments.settings import RecurrentPPOConfig
 from segar.tasks.puttputt_task import puttputt
@@ -87,21 +85,3 @@ def test_without_trials_it_makes_no_difference_whether_returns_join_them():
         one = learner(dataclasses.replace(SMALL, joins_trials=joins))
         batches.append(one.make_batch(one.collect()[0]))
     assert all(torch.equal(batches[0][key], batches[1][key]) for key in batches[0].keys())
-
-
-def test_acting_is_stepping_with_a_memory_that_begin_empties():
-    policy = learner().policy
-    env = VectorEnv(LEVELS, 3, seed=0)
-    observations = [env.reset()[0]] + [env.step(np.full((3, 2), 0.3))[0] for _ in range(3)]
-    played = []
-    for _ in range(2):
-        policy.begin(env)
-        played.append([policy.act(observation, rng=None) for observation in observations])
-    np.testing.assert_array_equal(*played)
-    memory = torch.zeros(3, policy.memory_width)
-    for observation, action in zip(observations, played[0], strict=True):
-        with torch.no_grad():
-            loc, _, _, memory = policy.step(torch.from_numpy(observation), memory)
-        np.testing.assert_array_equal(loc.tanh(), action)
-    policy.begin(env)
-    assert not np.array_equal(policy.act(observations[-1], rng=None), played[0][-1])

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 
 from segar.experiments.commands.command_line import read_value, run_from_command_line
-from segar.experiments.settings import ConfigError
+from segar.experiments.settings import ConfigError, EvaluateConfig
 
 
 @pytest.fixture
 def call(monkeypatch):
     """Calls a function with the arguments of a command line."""
 
-    def call(function, *arguments):
+    def call(function, *arguments, settings=None):
         monkeypatch.setattr(sys, "argv", ["command", *arguments])
-        run_from_command_line(function)
+        run_from_command_line(function, settings)
 
     return call
 
@@ -69,6 +69,13 @@ def test_mistakes_are_told_in_one_message(call, arguments, says):
     with pytest.raises(SystemExit) as told:
         call(recorder()[0], *arguments)
     assert told.value.code == f"error: {says}"
+
+
+def test_mistakes_in_settings_of_a_class_are_told_alike(call):
+    with pytest.raises(SystemExit, match=r"^error: run: it has no default; give one as run=\.\.\."):
+        call(pytest.fail, settings=EvaluateConfig)
+    with pytest.raises(SystemExit, match=r"^error: modes\[0\]: 'sample' is unknown. Did you mean 'sampled'\?"):
+        call(pytest.fail, "run=here", "modes=[sample]", settings=EvaluateConfig)
 
 
 def test_a_function_without_further_arguments_takes_none(call):

@@ -2,7 +2,6 @@
 
 import os
 import re
-import subprocess
 import sys
 from typing import Any
 
@@ -19,7 +18,7 @@ from segar.experiments.commands.hydra_app import (
     to_plain,
 )
 from segar.experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
-from segar.experiments.levels.builders import Prepared, levels_in
+from segar.experiments.levels.builders import Prepared
 from segar.experiments.reproduction.plan import Speeds, sweep_as_text
 from segar.experiments.runs.run_folder import read_config, run_folders
 from segar.experiments.settings import KINDS, ConfigError, as_data, run_config
@@ -166,9 +165,8 @@ def test_the_defaults_of_every_kind_of_algorithm_are_a_choice(kind):
     ],
 )
 def test_a_target_that_is_no_algorithm_is_told(my_lab, target, says):
-    with pytest.raises(ConfigError) as told:
+    with pytest.raises(ConfigError, match=re.escape(says)):
         run_config({"algorithm": {"_target_": target}})
-    assert says in str(told.value)
 
 
 def test_a_setting_that_an_own_algorithm_s_file_leaves_out_is_told_how_to_be_added(my_lab):
@@ -248,19 +246,6 @@ def test_settings_on_both_sides_of_an_option_are_told_to_stand_on_one(monkeypatc
     monkeypatch.setattr("sys.argv", ["train", "levels=empty-easy", "--multirun", "seed=1,2", "levels.test=empty-hard"])
     with pytest.raises(ConfigError, match="on one side of options such as --multirun, all of them: move seed=1,2"):
         check_command_line("config")
-
-
-def test_a_level_file_of_types_that_are_not_defined_names_the_setting_of_its_world(tmp_path):
-    path = tmp_path / "one.npz"
-    code = "\n".join([
-        "import segar", "class Skiff(segar.GolfBall):\n    pass",
-        "dist = segar.LevelDistribution(numbers=[(Skiff, 1), (segar.GoalTile, 1)],"
-        " priors=[segar.Prior(segar.Position, segar.RandomUniformLocation())])", f"dist.sample(2).save({str(path)!r})",
-    ])  # fmt: skip
-    subprocess.run([sys.executable, "-c", code], check=True)
-    with pytest.raises(ConfigError) as caught:
-        levels_in(path, None, "levels.train", "levels.world")
-    assert "levels.world=" in str(caught.value) and "--world" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

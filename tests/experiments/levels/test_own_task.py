@@ -7,11 +7,10 @@ import pytest
 
 import segar
 from segar.experiments.commands.hydra_app import compose
-from segar.experiments.evaluation.evaluator import evaluate, find_levels
+from segar.experiments.evaluation.evaluator import find_levels
 from segar.experiments.levels.builders import Prepared, distribution_of
 from segar.experiments.reproduction.checks import check_objects
 from segar.experiments.runs.executed_code import executed_code
-from segar.experiments.runs.run_folder import read_config, read_summary
 from segar.experiments.settings import (
     ConfigError,
     EvaluateConfig,
@@ -21,9 +20,7 @@ from segar.experiments.settings import (
     TaskConfig,
 )
 from segar.experiments.settings.grid import GridPoint, config_at
-from segar.experiments.training.run import run
 from segar.levels.named_families import TASK_LEVELS
-from tests.experiments.short_runs import short_run
 
 LEVELS = """
 import dataclasses
@@ -97,20 +94,6 @@ def test_named_levels_are_a_choice_and_are_played_in_their_own_task(levels):
     assert (
         Prepared(config).task_name == Prepared(config.resolved()).task_name == (segar.family(levels).task or "puttputt")
     )
-
-
-@pytest.mark.slow
-def test_an_own_distribution_is_trained_and_evaluated_in_the_task_that_it_names(lab):
-    said = []
-    config = short_run(lab / "run", levels=LevelsConfig("landing_levels:field", count=2, test_count=3))
-    result = run(config, said.append)
-    assert "task                        landing_tasks:landing" in said[-1]
-    lengths = {key: value for key, value in read_summary(lab / "run").items() if "/length/" in key}
-    assert lengths and max(lengths.values()) <= 7  # max_steps of the task
-    assert read_config(lab / "run").task.name == "levels"
-    asked = EvaluateConfig(str(result.folder), levels="empty-easy", n=2, scores=False, videos="none")
-    found = evaluate(asked, lambda line: None)
-    assert max(row["length"] for row in found.episodes) <= 7
 
 
 def test_options_are_those_of_the_levels_task(lab):

@@ -121,25 +121,6 @@ def test_an_encoder_that_cannot_read_the_observation_is_refused(name, shape, say
         make_encoder(PPOConfig(encoder=name), shape)
 
 
-def spot(x, y, size=8):
-    """A frame that is white but for a black square around (x, y), in pixels."""
-    frame = torch.full((64, 64, 3), 255, dtype=torch.uint8)
-    frame[y - size // 2 : y + size // 2, x - size // 2 : x + size // 2] = 0
-    return frame
-
-
-def test_keypoints_follow_what_moves():
-    trunk = encoder("keypoints").trunk
-    frames = torch.stack([spot(x, 30) for x in range(12, 53, 4)])
-    with torch.no_grad():
-        trunk.sharpness.mul_(4.0)
-        points = trunk.look(trunk.squares(frames).float())
-    across, along = points.diff(dim=0).unbind(1)
-    moved = across.sum(0)
-    assert moved.abs().max() > 0.5  # a filter sees the square or one of its sides: a quarter of the picture or more
-    assert along.sum(0).abs().max() < 0.25 * moved.abs().max()
-
-
 @pytest.mark.parametrize(("shape", "stack"), [((64, 64, 6), 2), ((64, 64, 4), 4), ((41, 67, 3), 1)])
 def test_keypoints_are_what_plain_convolutions_and_a_softmax_give(shape, stack):
     """The first layer reads squares of pixels, and the points come with derivatives of their own: both are only faster."""

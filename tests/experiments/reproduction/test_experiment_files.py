@@ -1,6 +1,7 @@
 """An experiment is data: every file of conf/experiment is right at every scale, and a wrong one is told with its place."""
 
 import copy
+import re
 
 import pyarrow.parquet as pq
 import pytest
@@ -46,7 +47,6 @@ HERE = "grids.mine"
     ("path", "value", "message"),
     [
         ([*GRID, "families"], ["emtpy"], f"{HERE}.grid.families[0]: 'emtpy' is unknown. Did you mean 'empty'?"),
-        ([*GRID, "counts"], [1, 0], f"{HERE}.grid.counts[1]: 0 is not allowed; it must be at least 1"),
         (QUICK, {"difficulties": ["hardest"]}, f"{HERE}.scales.quick.difficulties[0]: 'hardest' is unknown"),
         (QUICK, None, f"{HERE}.scales.quick: None is no group of settings; where nothing differs it is {{}}"),
         (QUICK, {"options": {"seeds": 1}}, f"{HERE}.scales.quick.options: there is no 'seeds'"),
@@ -60,9 +60,8 @@ HERE = "grids.mine"
     ],
 )
 def test_what_is_wrong_is_told_with_its_place(path, value, message):
-    with pytest.raises(ConfigError) as told:
+    with pytest.raises(ConfigError, match=re.escape(message)):
         experiment_at("mine", changed(path, value), "quick")
-    assert message in str(told.value)
 
 
 def test_a_study_without_a_grid_has_nothing_to_differ_in():

@@ -130,14 +130,20 @@ def test_transfers_of_other_code_are_refused_kept_or_made_anew_without_their_run
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_a_plan_counts_the_frames_of_runs_that_are_made_anew(tmp_path, whole):
+def test_runs_of_other_code_are_refused_before_others_are_trained_kept_or_made_anew(tmp_path, whole):
     files = {"harder": {**HARDER, "grid": {"counts": [1], "difficulties": ["easy"]}}}
     (work,) = plan_of(tmp_path, **files).runs
     folder = write_run(work.run, code={**executed_code(Prepared(work.run)), "kernel": "another"})
     if not whole:
         (folder / SUMMARY).unlink()
+        plan_of(tmp_path, **files)  # nothing is trained yet
         (folder / CHECKPOINT).parent.mkdir()
         (folder / CHECKPOINT).touch()
+    told = f"1 {'finished' if whole else 'unfinished'} run was made by other code than this; changed since: kernel"
+    with pytest.raises(ConfigError, match=told):
+        plan_of(tmp_path, **files)
+    if whole:
+        assert plan_of(tmp_path, stale="keep", **files).runs[0].frames_left() == 0
     anew = plan_of(tmp_path, stale="anew", **files)
     (work,) = anew.runs
     speeds = Speeds({}, {}, 0)
@@ -149,17 +155,6 @@ def test_a_plan_counts_the_frames_of_runs_that_are_made_anew(tmp_path, whole):
 def unmade(run, root):
     """The same run, where nothing is made yet."""
     return dataclasses.replace(run, root=str(root / "elsewhere"))
-
-
-def test_an_unfinished_run_of_other_code_is_refused_before_others_are_trained(tmp_path):
-    work = plan_of(tmp_path, main=MAIN).runs[0]
-    folder = write_run(work.run, code={**executed_code(Prepared(work.run)), "kernel": "another"})
-    (folder / SUMMARY).unlink()
-    plan_of(tmp_path, main=MAIN)  # nothing is trained yet
-    (folder / CHECKPOINT).parent.mkdir()
-    (folder / CHECKPOINT).touch()
-    with pytest.raises(ConfigError, match="1 unfinished run was made by other code than this; changed since: kernel"):
-        plan_of(tmp_path, main=MAIN)
 
 
 def test_a_run_that_was_cut_off_has_fewer_frames_left(tmp_path):

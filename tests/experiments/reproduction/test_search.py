@@ -1,6 +1,7 @@
 """The search over hyper-parameters: it goes on where it stopped, survives runs that fail, and names mistakes."""
 
 import json
+import re
 
 import hydra
 import pytest
@@ -105,9 +106,8 @@ def test_a_finished_search_prints_the_best_and_the_command_that_trains_with_it(s
     ],
 )
 def test_a_wrong_space_is_named_before_anything_is_trained(tmp_path, space, says):
-    with pytest.raises(ConfigError) as told:
+    with pytest.raises(ConfigError, match=re.escape(says)):
         search(asked(tmp_path, space=space))
-    assert says in str(told.value)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import pickle
+import re
 import sys
 
 import pytest
@@ -21,9 +22,7 @@ from segar.experiments.settings import (
     run,
     run_config,
 )
-from segar.levels.named_families import TASK_LEVELS
 from segar.observations.pixels.textured import TexturedPixels
-from segar.tasks.registry import TASKS
 
 OWN_MODULE = """
 import segar
@@ -70,14 +69,10 @@ def own_module(tmp_path, monkeypatch):
     [
         ("levles=empty-hard", "no setting is called 'levles'. Did you mean 'levels'?"),
         ("levels=empty-hrad", "no levels is called 'empty-hrad'. Did you mean 'empty-hard'?"),
-        ("algorithm=ppofast", "no algorithm is called 'ppofast'. Did you mean 'ppo_fast'?"),
         ("levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
         ("qqq=3", "no setting is called 'qqq'. Known: algorithm, checkpoint_interval, curriculum, determinism,"),
         ("+levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
-        ("algorithm.lr=1", "no setting is called 'algorithm.lr'."),
-        ("levels.count=ten", "levels.count: 'ten' is not a whole number"),
         ("levels.count=2.5", "levels.count: 2.5 is not a whole number"),
-        ("levels.count=0", "levels.count: 0 is not allowed; it must be at least 1"),
         ("progress=maybe", "progress: 'maybe' is not true or false"),
         ("algorithm.widths=3", "algorithm.widths: 3 is not a list whose entries are each a whole number"),
         ("algorithm.encoder=impla", "algorithm.encoder: 'impla' is unknown. Did you mean 'impala'?"),
@@ -90,9 +85,8 @@ def own_module(tmp_path, monkeypatch):
     ],
 )
 def test_a_wrong_setting_is_named_with_the_nearest_right_one(override, says):
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError, match=re.escape(says)):
         compose([override])
-    assert says in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -110,17 +104,9 @@ def test_a_wrong_setting_is_named_with_the_nearest_right_one(override, says):
 )
 def test_a_name_that_stands_for_nothing_is_told_with_the_nearest_one(own_module, override, says):
     config = compose([override])
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError, match=re.escape(says)):
         Prepared(config).env_options()
         make_levels(config.levels)
-    assert says in str(caught.value)
-
-
-@pytest.mark.parametrize("task", [name for name in TASKS if name in TASK_LEVELS])
-def test_each_task_is_a_choice_of_task_for_its_levels(task):
-    config = compose([f"levels={task}", f"task={task}", "levels.count=2", "levels.test_count=1"])
-    train, _ = make_levels(config.levels)
-    assert VectorEnv(train, 2, **Prepared(config).env_options()).task.name.startswith(task)
 
 
 @pytest.mark.parametrize("name", ["own_levels:ice", "own_levels:sand"])

@@ -14,13 +14,6 @@ def cells_of(config):
     return list(grid_runs(GridConfig(), config))
 
 
-def test_the_paper_has_45_cells():
-    cells = cells_of(RunConfig(seed=1))
-    assert len({cell.label() for cell in cells}) == 45
-    assert {grid_point(cell).panel for cell in cells} >= {"empty-easy", "objectsx1-medium", "tilesx1-hard"}
-    assert {cell.levels.count for cell in cells} == {1, 10, 50, 100, 200}
-
-
 def test_each_seed_has_training_levels_of_its_own_and_all_share_the_test_levels():
     cells = cells_of(RunConfig(seed=4, scale=ScaleConfig(seeds=3)))
     assert [(c.seed, c.levels.seed, c.levels.test_seed) for c in cells[::45]] == [(4, 4, 0), (5, 5, 0), (6, 6, 0)]
