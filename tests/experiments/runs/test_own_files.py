@@ -30,8 +30,6 @@ COUNTS = {
     "import of an import": ("from lab import late", "lab/deep.py"),
     "module beside the package": ("import beside", "beside.py"),
     "import_module": ("it = importlib.import_module(f'lab.{NAME}')", "lab/late.py"),
-    "import_module, relative": ("it = importlib.import_module('.late', __package__)", "lab/late.py"),
-    "what import_module's module imports": ("it = importlib.import_module(f'lab.{NAME}')", "lab/deep.py"),
     "what import_module's module reads": ("it = importlib.import_module(f'lab.{NAME}')", "lab/deep.json"),
     "__import__": ("it = __import__(f'lab.{NAME}', fromlist=['WIDTH'])", "lab/late.py"),
     "exec_module": (f"{SPEC}; spec.loader.exec_module(it)", "lab/late.py"),

@@ -69,13 +69,10 @@ def own_module(tmp_path, monkeypatch):
     [
         ("levles=empty-hard", "no setting is called 'levles'. Did you mean 'levels'?"),
         ("levels=empty-hrad", "no levels is called 'empty-hrad'. Did you mean 'empty-hard'?"),
-        ("levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
         ("qqq=3", "no setting is called 'qqq'. Known: algorithm, checkpoint_interval, curriculum, determinism,"),
         ("+levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
         ("levels.count=2.5", "levels.count: 2.5 is not a whole number"),
-        ("progress=maybe", "progress: 'maybe' is not true or false"),
         ("algorithm.widths=3", "algorithm.widths: 3 is not a list whose entries are each a whole number"),
-        ("algorithm.encoder=impla", "algorithm.encoder: 'impla' is unknown. Did you mean 'impala'?"),
         ("algorithm.minibatches=2000", "algorithm.minibatches: 2000 is not allowed; it must be at most half the batch"),
         ("algorithm.min_log_std=3", "algorithm.min_log_std: 3.0 is not allowed; it must be less than max_log_std"),
         ("algorithm.kind=crul", "algorithm.kind: 'crul' is unknown. Did you mean 'curl'?"),
