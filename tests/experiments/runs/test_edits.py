@@ -27,18 +27,14 @@ RELATED = {
     "task function": ("windlab/tasks.py", "-0.5 *", "-0.6 *", "kernel, windlab/tasks.py"),
     "observation": ("windlab/seen.py", '["golfball", "goal"]', '["golfball"]', "windlab/seen.py"),
     "learner": ("windlab/learn.py", "factor = 1.0", "factor = 2.0", "learner, windlab/learn.py"),
-    "imported helper": ("windlab/helper.py", "0.5", "0.6", "kernel, windlab/helper.py"),
     "data read at import": ("windlab/mass.json", "1.2", "1.3", "levels, windlab/mass.json"),
-    "data of an observation": ("windlab/scale.json", "2.0", "2.5", "windlab/scale.json"),
     "data of a result": ("windlab/weight.json", "3.0", "4.0", "windlab/weight.json"),
     "module loaded late": ("windlab/late.py", "SIGN = 1.0", "SIGN = -1.0", "windlab/late.py"),
-    "data of seldom levels": ("windlab/seldom.json", "0.2", "0.1", "windlab/seldom.json"),
 }
 UNRELATED = {
     "comment": ("windlab/physics.py", "GAIN = 2.0", "# strong\nGAIN = 2.0  # enough"),
     "docstring of a rule": ("windlab/physics.py", "Blows to the right.", "Blows to the east."),
     "docstring of a function in a function": ("windlab/tasks.py", "Less for a ball", "Little for a ball"),
-    "docstring of a module loaded late": ("windlab/late.py", "is computed", "a function computes"),
     "data that nobody reads": ("windlab/unread.json", "1.0", "2.0"),
     "comment in YAML": ("conf/algorithm/mine.yaml", "num_steps: 16", "num_steps: 16  # few"),
 }  # fmt: skip
