@@ -13,6 +13,7 @@ import torch
 from segar.experiments.algorithms.checkpoint import read_checkpoint
 from segar.experiments.runs.run_folder import CHECKPOINT, read_episodes, read_metrics
 from segar.experiments.settings import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
+from segar.experiments.training.run import run
 from segar.experiments.training.training_loop import Training
 from segar.support import WORKSPACE
 
@@ -73,15 +74,14 @@ class Killed(BaseException):
     """What stops a run in these tests."""
 
 
-@contextmanager
-def killed_after(iterations, monkeypatch):
-    """Ends training abruptly before iteration ``iterations + 1``."""
-    with before_iteration(iterations + 1, stop, monkeypatch), pytest.raises(Killed):
-        yield
+def run_killed(config, iterations, say=print):
+    """Runs until iteration ``iterations + 1`` would begin, where training ends abruptly."""
+    with before_iteration(iterations + 1, stop), pytest.raises(Killed):
+        run(config, say)
 
 
 @contextmanager
-def before_iteration(number, happens, monkeypatch):
+def before_iteration(number, happens):
     """Has ``happens(learner)`` happen before iteration ``number``, counted from 1, of runs in here."""
     iterate = Training.iterate
 
@@ -90,7 +90,7 @@ def before_iteration(number, happens, monkeypatch):
             happens(self.learner)
         return iterate(self)
 
-    with monkeypatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Training, "iterate", look_first)
         yield
 

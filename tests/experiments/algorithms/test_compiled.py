@@ -10,7 +10,7 @@ from segar import family
 from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.settings import PPOConfig, TrainingError
 from segar.experiments.training.run import run
-from tests.experiments.short_runs import killed_after, same_results, short_run
+from tests.experiments.short_runs import run_killed, same_results, short_run
 
 VECTORS = PPOConfig(num_envs=6, num_steps=16, minibatches=2, widths=(16,), precision="fp32", compile=True)
 FRAMES = dataclasses.replace(VECTORS, encoder="small")
@@ -45,11 +45,10 @@ def test_a_compiled_loss_has_the_figures_and_gradients_of_the_plain_one(config, 
 
 
 @pytest.mark.slow
-def test_a_compiled_run_is_reproduced_and_resumed_to_the_bit(tmp_path, monkeypatch):
+def test_a_compiled_run_is_reproduced_and_resumed_to_the_bit(tmp_path):
     algorithm = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0, compile=True, overlap=True)
     runs = [short_run(tmp_path / name, algorithm=algorithm) for name in ("one", "other", "parts")]
-    with killed_after(2, monkeypatch):
-        run(runs[2])
+    run_killed(runs[2], 2)
     for config in runs:
         run(config)
     for name in ("other", "parts"):

@@ -12,7 +12,7 @@ from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.settings import KINDS
 from segar.experiments.training.run import run
 from tests.experiments.conftest import Here
-from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
+from tests.experiments.short_runs import FRAMES, ITERATIONS, run_killed, same_results, short_run
 
 LEVELS = family("tilesx1-hard").sample(10, seed=0)
 SIZE = {"num_envs": 6, "num_steps": 16, "minibatches": 2, "head_width": 0, "overlap": True}
@@ -72,19 +72,13 @@ def test_nothing_is_collected_that_nobody_learns_on():
 OVERLAPPING = KINDS["ppo"](num_envs=8, num_steps=8, widths=(8,), head_width=0, overlap=True)
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """The folder of a run that was not interrupted."""
-    return run(short_run(tmp_path_factory.mktemp("whole") / "run", algorithm=OVERLAPPING)).folder
-
-
-@pytest.mark.parametrize("killed", [1, 2, 3])
-def test_a_resumed_run_collects_again_what_was_being_collected(tmp_path, whole, monkeypatch, killed):
-    parts = short_run(tmp_path / "parts", algorithm=OVERLAPPING)
-    with killed_after(killed, monkeypatch):
-        run(parts)
+def test_a_resumed_run_collects_again_what_was_being_collected(tmp_path):
+    whole, parts = (short_run(tmp_path / name, algorithm=OVERLAPPING) for name in ("whole", "parts"))
+    run(whole)
+    for killed in (1, 2, 3):
+        run_killed(parts, killed)
     assert run(parts).summary["frames"] == FRAMES * ITERATIONS
-    assert same_results(tmp_path / "parts", whole)
+    assert same_results(tmp_path / "parts", tmp_path / "whole")
 
 
 def test_what_goes_wrong_while_collecting_is_raised_where_it_is_waited_for():

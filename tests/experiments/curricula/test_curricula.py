@@ -31,7 +31,7 @@ from segar.experiments.settings.run import as_data
 from segar.experiments.training.run import run
 from segar.levels import check_levels, near_levels
 from segar.suites import suite
-from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
+from tests.experiments.short_runs import FRAMES, ITERATIONS, run_killed, same_results, short_run
 
 ENDLESS = LevelsConfig(train="empty-easy", count="endless", test_count=3)
 PPO = KINDS["ppo"](num_envs=8, num_steps=8, widths=(8,), head_width=0)
@@ -65,14 +65,13 @@ QUICK = ("endless", "accel", "sfl")  # the others are variants of these
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in CHOSEN]
 )
-def test_an_interrupted_run_ends_like_one_that_was_not_interrupted_to_the_bit(name, tmp_path, monkeypatch):
+def test_an_interrupted_run_ends_like_one_that_was_not_interrupted_to_the_bit(name, tmp_path):
     curriculum, algorithm = CHOSEN[name]
     seen = ObservationConfig("rgb" if name in ("drq", "curl", "spr") else "state")
     config = {"levels": ENDLESS, "curriculum": curriculum, "algorithm": algorithm, "observation": seen}
     whole, parts = (short_run(tmp_path / one, **config) for one in ("whole", "parts"))
     run(whole, say=lambda _: None)
-    with killed_after(ITERATIONS // 2, monkeypatch):
-        run(parts, say=lambda _: None)
+    run_killed(parts, ITERATIONS // 2)
     run(parts, say=lambda _: None)
     assert same_results(tmp_path / "whole", tmp_path / "parts")
     assert read_played(tmp_path / "whole").equals(read_played(tmp_path / "parts"))

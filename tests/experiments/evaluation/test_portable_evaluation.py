@@ -3,17 +3,12 @@
 import json
 from functools import cache
 
-import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 import segar
 from segar.evaluation import evaluate_policy
-from segar.experiments.algorithms.portable import PortableAgent
-from segar.experiments.evaluation.episodes import play_episodes
 from segar.experiments.evaluation.evaluator import evaluate
-from segar.experiments.levels.builders import Prepared
-from segar.experiments.runs.run_folder import read_config
 from segar.experiments.settings import (
     KINDS,
     ConfigError,
@@ -85,21 +80,6 @@ def test_a_portable_evaluation_says_so_and_leaves_the_network_that_played(traine
     assert alone.test.of_levels("return").tolist() == returns
     again = EvaluateConfig(str(trained("ppo")), out=str(found.folder), **QUICK)
     assert not (evaluate(again, lambda line: None).folder / "network.npz").exists()
-
-
-def test_threads_and_batches_change_nothing(trained, monkeypatch):
-    from segar.evaluation import episodes
-
-    config = EvaluateConfig(str(trained("keypoints")), portable=True, n=4, **QUICK)
-    whole = evaluate(config, lambda line: None).episodes
-    threads = EvaluateConfig(str(trained("keypoints")), portable=True, n=4, num_threads=2, **QUICK)
-    assert evaluate(threads, lambda line: None).episodes == whole
-    policy = PortableAgent(Network.load(trained("keypoints") / "evaluations" / "test-n4-portable" / "network.npz"), 1)
-    levels = segar.Levels.load(trained("keypoints") / "levels_test.npz")
-    options = Prepared(read_config(trained("keypoints"))).env_options()
-    monkeypatch.setattr(episodes, "BATCH", 3)
-    rows = play_episodes(policy, levels, np.arange(4), options, rng=None, seed=0)
-    assert [row["return"] for row in rows] == [row["return"] for row in whole if row["action_mode"] == "deterministic"]
 
 
 def hashes(trained, name, folder, **limits):

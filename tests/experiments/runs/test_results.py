@@ -41,7 +41,7 @@ from segar.experiments.settings import (
     TrackingConfig,
 )
 from segar.experiments.training.run import run
-from tests.experiments.short_runs import before_iteration, killed_after, short_run
+from tests.experiments.short_runs import before_iteration, run_killed, short_run
 from tests.synthetic_runs import settings, write_run
 
 
@@ -76,11 +76,10 @@ def written(folder, **changes):
     return config
 
 
-def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path, finished, monkeypatch, capsys):
+def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path, finished, capsys):
     sweep = TrackingConfig(name="none", sweep="mine")
     done = run(dataclasses.replace(finished, tracking=sweep))
-    with killed_after(2, monkeypatch):
-        run(short_run(tmp_path / "unfinished", tracking=sweep, seed=1))
+    run_killed(short_run(tmp_path / "unfinished", tracking=sweep, seed=1), 2)
     written(tmp_path / "of no sweep", seed=2)
     said = told(capsys, root=str(tmp_path), sweep="mine")
     head, *lines = table_in(said)
@@ -269,7 +268,7 @@ def test_a_run_that_cannot_be_read_is_a_row_that_says_why(tmp_path, capsys):
     assert any(line.startswith("b: cannot read the settings of a run") for line in lines)
 
 
-def test_a_run_at_work_is_told_from_one_that_was_cut_off(tmp_path, monkeypatch):
+def test_a_run_at_work_is_told_from_one_that_was_cut_off(tmp_path):
     states = []
 
     def look(_):
@@ -277,7 +276,7 @@ def test_a_run_at_work_is_told_from_one_that_was_cut_off(tmp_path, monkeypatch):
         thread.start()
         thread.join()
 
-    with before_iteration(2, look, monkeypatch):
+    with before_iteration(2, look):
         run(short_run(tmp_path / "run"))
     assert states == ["at work"]
     with use_run_folder(short_run(tmp_path / "other")):

@@ -25,7 +25,7 @@ from segar.experiments.settings import CheckpointError, ConfigError, RunFolderEr
 from segar.experiments.training import run as run_module
 from segar.experiments.training.run import run
 from segar.tasks.puttputt_task import puttputt
-from tests.experiments.short_runs import killed_after, short_run
+from tests.experiments.short_runs import run_killed, short_run
 
 FILES = {
     "config.yaml",
@@ -86,8 +86,7 @@ def test_a_run_that_cannot_begin_leaves_no_folder(config, tmp_path):
 
 
 def test_what_a_folder_holds_stays_where_a_run_that_goes_on_cannot(config, monkeypatch):
-    with killed_after(2, monkeypatch):
-        run(config)
+    run_killed(config, 2)
     with monkeypatch.context() as patch:
         patch.setattr("segar.experiments.levels.builders.pick_levels", nothing_to_sample)
         with pytest.raises(ConfigError, match="no levels"):
@@ -109,9 +108,8 @@ def test_a_task_without_a_reward_is_told(config, trained_and_said):
     assert otherwise and not any("reward function" in line for line in otherwise)
 
 
-def test_a_run_killed_before_its_first_checkpoint_begins_anew(config, monkeypatch):
-    with killed_after(0, monkeypatch):
-        run(config)
+def test_a_run_killed_before_its_first_checkpoint_begins_anew(config):
+    run_killed(config, 0)
     assert run(config).trained
 
 
@@ -155,10 +153,9 @@ def test_two_processes_cannot_be_at_one_folder(config):
         pass
 
 
-def test_resume_can_be_forbidden(config, monkeypatch):
+def test_resume_can_be_forbidden(config):
     careful = dataclasses.replace(config, resume=False)
-    with killed_after(2, monkeypatch):
-        run(careful)
+    run_killed(careful, 2)
     with pytest.raises(RunFolderError, match="holds this run, unfinished, and resume=false forbids to go on with it"):
         run(careful)
     assert run(config).trained
@@ -213,8 +210,7 @@ def test_a_full_disk_leaves_the_old_file_and_says_so(tmp_path, monkeypatch, call
 
 
 def test_levels_that_changed_since_the_checkpoint_stop_the_run(config, monkeypatch):
-    with killed_after(2, monkeypatch):
-        run(config)
+    run_killed(config, 2)
     other = make_levels(dataclasses.replace(config.levels, seed=5))[0]
     monkeypatch.setattr("segar.experiments.levels.builders.pick_levels", lambda *_: other)
     with pytest.raises(CheckpointError, match=r"other levels than those that empty-easy gives now.*restart=true"):

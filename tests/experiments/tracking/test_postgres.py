@@ -91,11 +91,10 @@ def is_told(folder):
 def test_a_server_over_postgresql_that_is_stopped_and_started_has_all_of_a_run(tmp_path, server, capfd):
     config = long_run(tmp_path, server.uri, experiment="stopped", sweep="mine")
     with (
-        pytest.MonkeyPatch.context() as patch,
-        before_iteration(4, lambda _: until(lambda: is_told(tmp_path / "run")), patch),
-        before_iteration(5, lambda _: server.stop(), patch),
-        before_iteration(20, lambda _: time.sleep(3), patch),
-        before_iteration(35, lambda _: server.start(), patch),
+        before_iteration(4, lambda _: until(lambda: is_told(tmp_path / "run"))),
+        before_iteration(5, lambda _: server.stop()),
+        before_iteration(20, lambda _: time.sleep(3)),
+        before_iteration(35, lambda _: server.start()),
     ):
         folder = run(config).folder
     assert capfd.readouterr().err.count(MISSED) == 1

@@ -9,7 +9,7 @@ from segar.experiments.runs.run_folder import VERSIONS, read_versions
 from segar.experiments.runs.versions import computed_with
 from segar.experiments.settings.processor import BFLOAT16
 from segar.experiments.training.run import run
-from tests.experiments.short_runs import killed_after, short_run
+from tests.experiments.short_runs import run_killed, short_run
 
 pytestmark = pytest.mark.processor
 
@@ -28,15 +28,13 @@ def test_a_run_records_what_decided_its_last_bits_and_shows_it(trained_and_said)
 
 
 @pytest.mark.parametrize(("differs", "shown"), [({"processor": "Another"}, "Another"), ({"threads": 3}, "3 threads")])
-def test_a_run_that_is_resumed_with_something_else_says_so_and_records_both(tmp_path, monkeypatch, differs, shown):
+def test_a_run_that_is_resumed_with_something_else_says_so_and_records_both(tmp_path, differs, shown):
     config, said = short_run(tmp_path / "run"), []
-    with killed_after(2, monkeypatch):
-        run(config)
+    run_killed(config, 2)
     path = tmp_path / "run" / VERSIONS
     versions = json.loads(path.read_text())
     path.write_text(json.dumps({**versions, "arithmetic": {**versions["arithmetic"], **differs}}))
-    with killed_after(3, monkeypatch):
-        run(config, said.append)
+    run_killed(config, 3, said.append)
     told = [line for line in said if ": computed with " in line]
     assert len(told) == 1 and shown in told[0] and "no single machine" in told[0]
     run(config, said.append)
@@ -47,8 +45,7 @@ def test_a_run_that_is_resumed_with_something_else_says_so_and_records_both(tmp_
 def test_a_run_goes_on_in_its_precision_where_auto_means_another_and_says_so(tmp_path, monkeypatch):
     config, said = short_run(tmp_path / "run"), []
     monkeypatch.setenv(BFLOAT16, "yes")
-    with killed_after(2, monkeypatch):
-        run(config)
+    run_killed(config, 2)
     monkeypatch.setenv(BFLOAT16, "no")
     run(config, said.append)
     run(config, said.append)

@@ -34,7 +34,7 @@ from tests.experiments.short_runs import (
     ITERATIONS,
     before_iteration,
     begin_module,
-    killed_after,
+    run_killed,
     same_results,
     short_run,
 )
@@ -57,9 +57,9 @@ def frames(folder, name=CHECKPOINT):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_run_that_is_stopped_finishes_its_iteration_and_saves_it(trained_once, tmp_path, monkeypatch, capfd, number):
+def test_a_run_that_is_stopped_finishes_its_iteration_and_saves_it(trained_once, tmp_path, capfd, number):
     config = short_run(tmp_path / "run", checkpoint_interval=1000.0)
-    with before_iteration(2, send(number), monkeypatch), pytest.raises(Stopped) as stopped:
+    with before_iteration(2, send(number)), pytest.raises(Stopped) as stopped:
         run(config)
     name = signal.Signals(number).name
     assert str(stopped.value) == f"stopped by {name} after 128 of 256 frames; the checkpoint is written"
@@ -71,30 +71,30 @@ def test_a_run_that_is_stopped_finishes_its_iteration_and_saves_it(trained_once,
     assert same_results(tmp_path / "run", trained_once)
 
 
-def test_a_second_signal_stops_a_run_at_once(tmp_path, monkeypatch):
+def test_a_second_signal_stops_a_run_at_once(tmp_path):
     def twice(learner):
         send(signal.SIGINT)(learner)
         send(signal.SIGINT)(learner)
 
-    with before_iteration(2, twice, monkeypatch), pytest.raises(Stopped, match=r"^stopped by SIGINT\n"):
+    with before_iteration(2, twice), pytest.raises(Stopped, match=r"^stopped by SIGINT\n"):
         run(short_run(tmp_path / "run"))
     assert frames(tmp_path / "run") == FRAMES
 
 
 @pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGUSR2])
-def test_slurms_warning_makes_a_run_save_and_go_on(tmp_path, monkeypatch, number):
+def test_slurms_warning_makes_a_run_save_and_go_on(tmp_path, number):
     seen = []
 
     def look(_):
         seen.append(frames(tmp_path / "run"))
 
     config = short_run(tmp_path / "run", checkpoint_interval=1000.0)
-    with before_iteration(2, send(number), monkeypatch), before_iteration(3, look, monkeypatch):
+    with before_iteration(2, send(number)), before_iteration(3, look):
         assert run(config).trained
     assert seen == [2 * FRAMES]
 
 
-def test_who_handled_a_signal_before_is_asked_once_the_checkpoint_is_written(tmp_path, monkeypatch):
+def test_who_handled_a_signal_before_is_asked_once_the_checkpoint_is_written(tmp_path):
     """As submitit, which puts the job back into the queue and ends the process."""
 
     def requeue(number, frame):
@@ -104,7 +104,7 @@ def test_who_handled_a_signal_before_is_asked_once_the_checkpoint_is_written(tmp
     asked = []
     there = signal.signal(signal.SIGUSR2, requeue)
     try:
-        with before_iteration(2, send(signal.SIGUSR2), monkeypatch), pytest.raises(SystemExit):
+        with before_iteration(2, send(signal.SIGUSR2)), pytest.raises(SystemExit):
             run(short_run(tmp_path / "run", checkpoint_interval=1000.0))
         assert signal.getsignal(signal.SIGUSR2) is requeue
     finally:
@@ -113,10 +113,10 @@ def test_who_handled_a_signal_before_is_asked_once_the_checkpoint_is_written(tmp
     assert run(short_run(tmp_path / "run")).trained
 
 
-def test_signals_that_are_ignored_stay_ignored_and_handlers_are_given_back(tmp_path, monkeypatch):
+def test_signals_that_are_ignored_stay_ignored_and_handlers_are_given_back(tmp_path):
     there = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        with before_iteration(2, send(signal.SIGINT), monkeypatch):
+        with before_iteration(2, send(signal.SIGINT)):
             assert run(short_run(tmp_path / "run")).trained
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
@@ -173,7 +173,7 @@ def test_a_weight_that_is_not_finite_is_never_saved(tmp_path, monkeypatch):
         monkeypatch.setattr(PPO, "collect", collect_nothing)
 
     with (
-        before_iteration(3, spoil, monkeypatch),
+        before_iteration(3, spoil),
         pytest.raises(TrainingError, match=r"'actor\..*' is not finite after 192"),
     ):
         run(short_run(tmp_path / "run"))
@@ -190,7 +190,7 @@ def test_a_full_disk_is_told_and_costs_the_work_since_the_last_checkpoint(traine
 
     with (
         monkeypatch.context() as full,
-        before_iteration(3, fill, monkeypatch),
+        before_iteration(3, fill),
         pytest.raises(RunFolderError, match=r"latest\.pt cannot be written to .*latest\.pt: No space left on device"),
     ):
         run(short_run(tmp_path / "run"))
@@ -202,9 +202,8 @@ def test_a_full_disk_is_told_and_costs_the_work_since_the_last_checkpoint(traine
     assert same_results(tmp_path / "run", trained_once)
 
 
-def test_a_process_that_was_killed_is_found_by_the_next_one(tmp_path, monkeypatch):
-    with killed_after(2, monkeypatch):
-        run(short_run(tmp_path / "run"))
+def test_a_process_that_was_killed_is_found_by_the_next_one(tmp_path):
+    run_killed(short_run(tmp_path / "run"), 2)
     path = tmp_path / "run" / JOURNAL
     begun, ended = path.read_text().splitlines()
     assert json.loads(ended)["event"] == "failed"
@@ -225,10 +224,9 @@ def damage(path, how):
 
 
 @pytest.mark.parametrize("how", ["cut", "one bit"])
-def test_a_damaged_newest_checkpoint_falls_back_to_the_one_before_and_says_so(trained_once, tmp_path, monkeypatch, how):
+def test_a_damaged_newest_checkpoint_falls_back_to_the_one_before_and_says_so(trained_once, tmp_path, how):
     folder = tmp_path / "run"
-    with killed_after(3, monkeypatch):
-        run(short_run(folder))
+    run_killed(short_run(folder), 3)
     assert (frames(folder), frames(folder, PREVIOUS)) == (3 * FRAMES, 2 * FRAMES)
     damage(folder / CHECKPOINT, how)
     said = []
@@ -240,10 +238,9 @@ def test_a_damaged_newest_checkpoint_falls_back_to_the_one_before_and_says_so(tr
     assert same_results(folder, trained_once)
 
 
-def test_where_both_checkpoints_are_damaged_nothing_is_guessed(tmp_path, monkeypatch):
+def test_where_both_checkpoints_are_damaged_nothing_is_guessed(tmp_path):
     folder = tmp_path / "run"
-    with killed_after(3, monkeypatch):
-        run(short_run(folder))
+    run_killed(short_run(folder), 3)
     damage(folder / CHECKPOINT, "cut")
     damage(folder / PREVIOUS, "cut")
     with pytest.raises(CheckpointError, match=r"previous\.pt is damaged or none of ours: .*restart=true trains anew"):
@@ -263,9 +260,9 @@ def test_a_run_that_stops_in_its_evaluation_is_evaluated_when_it_goes_on(trained
     assert same_results(tmp_path / "run", trained_once)
 
 
-def test_frames_are_not_lost_when_a_run_of_one_iteration_is_stopped(tmp_path, monkeypatch):
+def test_frames_are_not_lost_when_a_run_of_one_iteration_is_stopped(tmp_path):
     config = short_run(tmp_path / "run", scale=ScaleConfig(frames=FRAMES))
-    with before_iteration(1, send(signal.SIGTERM), monkeypatch), pytest.raises(Stopped):
+    with before_iteration(1, send(signal.SIGTERM)), pytest.raises(Stopped):
         run(config)
     assert frames(tmp_path / "run") == FRAMES
     assert run(config).trained

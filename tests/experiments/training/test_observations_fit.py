@@ -48,19 +48,6 @@ def test_pixels_and_states_of_chosen_entities_fit_all_levels():
     check("empty-easy", "objectsx1-easy", "state", entities=["golfball", "goal"])
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"observation": ObservationConfig("state", {"parameters": ["Gravty"]})}, "world parameter is called 'Gravty'"),
-        ({"levels": LevelsConfig(train="segar.levels:nothing", **FEW)}, "levels.train: 'segar.levels'"),
-    ],
-)
-def test_a_wrong_name_leaves_no_run_folder(changes, words, tmp_path):
-    with pytest.raises(ConfigError, match=words):
-        run(short_run(tmp_path / "mine", **changes))
-    assert list(tmp_path.iterdir()) == []
-
-
 def loud(gain=1.0):
     return float(gain)
 

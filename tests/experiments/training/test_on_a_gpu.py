@@ -27,7 +27,7 @@ from segar.experiments.settings import (
 )
 from segar.experiments.training.run import run
 from segar.observations import OneOf
-from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, short_run, weights
+from tests.experiments.short_runs import FRAMES, ITERATIONS, run_killed, short_run, weights
 from tests.segar.engine.cuda.stub_driver import StubDriver
 from tests.segar.envs.test_device import A_GPU
 
@@ -100,7 +100,7 @@ def same(a: RunConfig, b: RunConfig) -> bool:
 
 
 @pytest.mark.slow
-def test_weights_are_those_of_environments_on_the_processor_also_after_an_interruption(stub, tmp_path, monkeypatch):
+def test_weights_are_those_of_environments_on_the_processor_also_after_an_interruption(stub, tmp_path):
     host, device, resumed = (
         config(tmp_path / "a", "cpu"),
         config(tmp_path / "b", "cuda"),
@@ -110,8 +110,7 @@ def test_weights_are_those_of_environments_on_the_processor_also_after_an_interr
     assert stub is None or not stub.launches
     run(device, print)
     assert stub is None or {"advance_range", "start_episodes"} < {name for name, *_ in stub.launches}
-    with killed_after(2, monkeypatch):
-        run(resumed, print)
+    run_killed(resumed, 2)
     run(resumed, print)
     assert same(host, device) and same(host, resumed)
 

@@ -20,7 +20,6 @@ HERE = "tests.experiments.training.own_results"
         ("raising", r"the task own: its result 'mine', wrong \(own_results.py:\d+\), raises KeyError: 'Fuel'."),
         ("misshapen", r"its result 'mine', <lambda> \(own_results.py:\d+\), has the shape \(3,\) for 7 environments"),
         ("text", r"its result 'mine', <lambda> \(own_results.py:\d+\), is made of str_?, not of numbers or truths"),
-        ("single", r"its result 'mine', <lambda> \(own_results.py:\d+\), has the shape \(\) for 7 environments"),
         ("random_result", r"its result 'mine', drawn \(own_results.py:\d+\), differs when it is computed again"),
     ],
 )

@@ -64,20 +64,16 @@ def test_where_torch_has_its_kernels_already_portable_is_refused_with_what_to_do
 
 
 @pytest.mark.slow
-def test_where_the_variables_were_set_before_portable_is_possible_and_so_is_what_follows():
-    done = python("-c", f"import torch; {CHOOSE.format('portable')}; {CHOOSE.format('machine')}", limits=PORTABLE)
+@pytest.mark.parametrize(("limits", "runs"), [(PORTABLE, ("portable", "machine")), ({}, ("portable", "portable"))])
+def test_a_run_can_follow_a_portable_one_that_is_portable_or_whose_variables_were_set_before(limits, runs):
+    first, second = map(CHOOSE.format, runs)
+    done = python("-c", f"{'import torch; ' if limits else ''}{first}; import torch; {second}", limits=limits)
     assert done.returncode == 0, done.stderr
 
 
 def test_a_run_that_wants_the_kernels_of_the_machine_is_refused_after_a_portable_one():
     done = python("-c", f"{CHOOSE.format('portable')}; {CHOOSE.format('machine')}")
     assert "Start the run with machine in a process of its own" in done.stderr
-
-
-@pytest.mark.slow
-def test_a_portable_run_can_follow_another():
-    done = python("-c", f"{CHOOSE.format('portable')}; import torch; {CHOOSE.format('portable')}")
-    assert done.returncode == 0, done.stderr
 
 
 def test_a_processor_without_the_instructions_is_told():

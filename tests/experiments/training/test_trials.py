@@ -26,7 +26,7 @@ from segar.experiments.settings import (
 )
 from segar.experiments.training.advice import advice
 from segar.experiments.training.run import run
-from tests.experiments.short_runs import killed_after, same_results, short_run
+from tests.experiments.short_runs import short_run
 
 SMALL = {"num_envs": 8, "num_steps": 8, "widths": (8,), "head_width": 0}
 RECURRENT = RecurrentPPOConfig(core_width=8, minibatches=2, **SMALL)
@@ -64,16 +64,6 @@ def test_a_run_tells_and_writes_each_trial_and_the_gain(tmp_path):
         summary["evaluation/test/return_trial_2/deterministic"], rel=1e-12
     )
     assert done.summary["players"]["no-op"]["adaptation_gain_return"] == 0.0
-
-
-@pytest.mark.slow
-def test_a_run_that_was_killed_between_trials_ends_with_the_same_bits(tmp_path, monkeypatch):
-    changes = {"algorithm": RECURRENT, "observation": PAST, "trials": 3}
-    run(short_run(tmp_path / "whole", **changes), lambda line: None)
-    with killed_after(2, monkeypatch):
-        run(short_run(tmp_path / "parts", **changes), lambda line: None)
-    run(short_run(tmp_path / "parts", **changes), lambda line: None)
-    assert same_results(tmp_path / "whole", tmp_path / "parts")
 
 
 def test_a_run_without_trials_writes_what_it_wrote(trained_once):
