@@ -189,28 +189,24 @@ def test_the_smallest_scale_and_a_reproduction_that_goes_on_are_marked_as_prelim
         assert "<strong>Preliminary.</strong>" in page and says in page
 
 
-def test_versions_and_seeds_of_the_runs_are_said(tmp_path, undrawn):
+def test_versions_seeds_and_settings_of_the_runs_are_said(tmp_path, undrawn):
+    stated = {"algorithm.gamma": "0.95", "algorithm.encoder": "impala", "algorithm.reward_transform": "none"}
     runs = pd.concat([few_runs().assign(seed=seed, commit=f"{seed}" * 40) for seed in (4, 7)], ignore_index=True)
     runs["code"] = np.where(runs["seed"] == 4, "f0u2", "5even")
-    runs = runs.assign(libraries="python 3.11.7, torch 2.13.0", computed_with="AVX512, bf16")
-    page = page_of(tmp_path, {"runs": runs})
+    runs = runs.assign(libraries="python 3.11.7, torch 2.13.0", computed_with="AVX512, bf16", observation="textures")
+    page = page_of(tmp_path / "quick-5678", {"runs": runs.assign(**stated)})
     assert "Libraries: python 3.11.7, torch 2.13.0." in page
     assert "Computed with: AVX512, bf16." in page
     assert "made by several versions of the code" in page
     for told in ("<code>f0u2</code>", "<code>444444444</code>", "<code>5even</code>", "<code>777777777</code>"):
         assert told in page
     assert ">4, 7</td>" in page
-
-
-def test_the_settings_of_the_main_grid_are_those_that_its_tables_state(tmp_path, undrawn):
-    stated = {"algorithm.gamma": "0.95", "algorithm.encoder": "impala", "algorithm.reward_transform": "none"}
-    tables = {"runs": few_runs().assign(**stated, observation="textures")}
-    page = re.sub("<[^>]+>", " ", page_of(tmp_path / "quick-5678", tables))
-    assert re.search(r"gamma\s+0\.999\s+0\.95\s", page)
-    assert re.search(r"reward\s+-d² and -100 on death, as it is\s+the same\s", page)
-    assert re.search(r"encoder\s+IMPALA CNN\s+IMPALA CNN\s", page)
-    assert re.search(r"observation\s+one frame of textures\s+one frame of textures\s", page)
-    assert re.search(r"episodes on training levels\s+10\s+120\s", page)
+    words = re.sub("<[^>]+>", " ", page)
+    assert re.search(r"gamma\s+0\.999\s+0\.95\s", words)
+    assert re.search(r"reward\s+-d² and -100 on death, as it is\s+the same\s", words)
+    assert re.search(r"encoder\s+IMPALA CNN\s+IMPALA CNN\s", words)
+    assert re.search(r"observation\s+one frame of textures\s+one frame of textures\s", words)
+    assert re.search(r"episodes on training levels\s+10\s+120\s", words)
 
 
 def test_much_that_is_missing_is_summed_up_by_experiments(tmp_path, undrawn):

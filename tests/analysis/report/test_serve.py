@@ -1,6 +1,8 @@
 """The served report: dots of runs are links, and a link makes the page of that run's agent, for this machine alone."""
 
 import json
+from types import SimpleNamespace
+from unittest.mock import create_autospec
 
 import pytest
 import uvicorn
@@ -9,6 +11,7 @@ from starlette.testclient import TestClient
 from segar.analysis.report.make import ReportConfig, report
 from segar.experiments.settings import RunFolderError
 from segar.experiments.training.run import run
+from segar.playground import make_playground
 from tests.experiments.short_runs import short_run
 
 PAGE = """<figure id="figure_3a">
@@ -36,11 +39,15 @@ def client(tmp_path_factory):
     return TestClient(app, base_url="http://127.0.0.1")
 
 
-def test_a_dot_opens_its_agent_on_the_test_level_of_its_lowest_return(client):
+def test_a_dot_opens_its_agent_on_the_test_level_of_its_lowest_return(client, monkeypatch):
+    made = create_autospec(make_playground, return_value=SimpleNamespace(html="its page"))
+    monkeypatch.setattr("segar.analysis.report.serve.make_playground", made)
     page = client.get("/").text
     assert '<svg><a xlink:href="play/agent"/></svg>' in page and page.count("<img") == 1
     found = client.get("/play/agent")
-    assert found.status_code == 200 and "<title>agent: test level " in found.text
+    (levels,), options = made.call_args
+    assert (found.status_code, found.text, len(levels)) == (200, "its page", 1)
+    assert options["title"].startswith("agent: test level ") and options["policy"] is not None
 
 
 @pytest.mark.parametrize("name", ["absent", "..", "%2e%2e"])

@@ -52,14 +52,6 @@ def test_levels_in_between_stand_for_themselves_wherever_the_others_come_from(se
     assert distances[0] == pytest.approx(distances[1], rel=1e-9) and 1.0 < distances[0] <= 2.0
 
 
-def test_one_group_changes_and_the_rest_stays(sets):
-    train, test = sets
-    made = mixed_levels(train, test, GROUPS, {"position": True})
-    assert np.array_equal(column(made, "goal", Position), column(test, "goal", Position))
-    assert np.array_equal(column(made, "golfball", Size), column(train, "golfball", Size))
-    assert np.array_equal(made.types, train.types)
-
-
 def test_the_group_of_rules_has_the_rule_sets_of_test_levels_and_the_reverse_all_else():
     dist, space = segar.family("objectsx1-hard"), dynamics_space()
     train, test = (dist.with_rules(space.split(part)).sample(12, seed=0, split=part) for part in ("train", "test"))
