@@ -11,7 +11,6 @@ from segar.experiments.evaluation.episodes import (
     distance_figures,
     diversity_figures,
     evaluate_run,
-    evaluation_figures,
     play_episodes,
     unseen_by_distances,
 )
@@ -118,17 +117,6 @@ def test_training_levels_are_played_equally_often_and_test_levels_once():
         assert np.bincount(played["train"]).tolist() == [3, 3, 3, 3]  # 10 episodes at least
         assert sorted(played["test"]) == list(range(8))
     assert evaluate_run(Linear(), Prepared(config), train, test) == rows
-
-
-def test_the_gap_is_test_minus_train():
-    rows = evaluate_run(Linear(), Prepared(RunConfig(evaluation=EvaluationConfig(episodes=4))), LEVELS[:4], LEVELS[4:])
-    figures = evaluation_figures(rows)
-    mean = {
-        name: np.mean([r["return"] for r in rows if r["levels"] == name and r["action_mode"] == "sampled"])
-        for name in ("train", "test")
-    }
-    assert figures["evaluation/gap/sampled"] == pytest.approx(mean["test"] - mean["train"])
-    assert figures["evaluation/train/return/sampled"] == pytest.approx(mean["train"])
 
 
 def test_distances_are_those_of_the_library():

@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 from filelock import FileLock
@@ -25,38 +26,38 @@ from segar.experiments.training import run as run_module
 from segar.experiments.training.run import run
 from segar.experiments.upload import upload
 from segar.support import WORKSPACE
-from tests.experiments.short_runs import Killed, before_iteration, killed_after, same_results, short_run, stop
+from tests.experiments.short_runs import Killed, before_iteration, run_killed, same_results, short_run, stop
 from tests.experiments.tracking.mlflow_server import has_each_figure_once
 from tests.synthetic_runs import settings, write_run
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 
-START = """
-import sys
-from segar.experiments.settings import RunConfig
-from pathlib import Path
-from segar.experiments.tracking.tracker import start_tracking
+ROWS = [{"name": "episode/return", "frames": k, "seconds": 0.5 * k, "value": -k} for k in range(5)]
 
-rows = [{"name": "episode/return", "frames": k, "seconds": 0.5 * k, "value": -k} for k in range(5)]
-tracker = start_tracking(RunConfig(root=sys.argv[1], seed=int(sys.argv[2])), Path(sys.argv[1]) / sys.argv[2], rows)
-tracker.finish("FINISHED")
-"""
+
+def start(root, number):
+    """Tells the store in a folder of a run of this number."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mlflow_store, "LONGEST_OPENING", PATIENCE)
+        start_tracking(RunConfig(root=root, seed=number), Path(root) / str(number), ROWS).finish("FINISHED")
 
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
     """The folder of a store that two processes, each in its own working directory, have made at once."""
-    root = tmp_path_factory.mktemp("store")
-    processes = []
-    for number in range(2):
-        cwd = tmp_path_factory.mktemp(f"cwd{number}")
-        environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
-        command = [sys.executable, "-W", "ignore", "-c", START, str(root), str(number)]
-        processes.append((cwd, subprocess.Popen(command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True)))
-    ended = [process.communicate()[1] for _, process in processes]
-    for (cwd, process), errors in zip(processes, ended, strict=True):
-        assert process.returncode == 0, errors
-        assert "figures are left" not in errors
-        assert list(cwd.iterdir()) == []  # no mlflow.db nor mlruns where the user happens to be
+    root, *places = (tmp_path_factory.mktemp(name) for name in ("store", "here", "there"))
+    here = "import sys; from tests.experiments.tracking.test_tracker import start; print(flush=True)"
+    code = f"{here}; sys.stdin.read(); start({str(root)!r}, 1)"
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    command = [sys.executable, "-W", "ignore", "-c", code]
+    environment = {**os.environ, "PYTHONPATH": str(WORKSPACE)}
+    with subprocess.Popen(command, cwd=places[1], env=environment, text=True, **pipes) as other:
+        other.stdout.readline()  # it has imported all
+        other.stdin.close()
+        with contextlib.chdir(places[0]):
+            start(str(root), 0)
+        errors = other.stderr.read()
+    assert other.returncode == 0 and "figures are left" not in errors, errors
+    assert [[*place.iterdir()] for place in places] == [[], []]  # no mlflow.db nor mlruns where the user happens to be
     return root
 
 
@@ -77,15 +78,10 @@ def rows(*values):
     ]
 
 
-@pytest.mark.slow
-def test_first_starts_side_by_side_share_one_store(store):
-    _, found = runs(store)
-    assert sorted(run.data.tags["seed"] for run in found) == ["0", "1"]
-    assert {run.info.status for run in found} == {"FINISHED"}
-
-
-def test_figures_arrive_with_their_frames_and_times(store):
-    client, one = run_in(store, store / "0")
+def test_first_starts_side_by_side_share_one_store_with_the_frames_and_times_of_all_figures(store):
+    client, found = runs(store)
+    assert sorted((run.data.tags["seed"], run.info.status) for run in found) == [("0", "FINISHED"), ("1", "FINISHED")]
+    _, one = run_in(store, store / "0")
     history = client.get_metric_history(one.info.run_id, "episode/return")
     assert [(point.step, point.value) for point in history] == [(k, -k) for k in range(5)]
     assert [point.timestamp - one.info.start_time for point in history] == [0, 500, 1000, 1500, 2000]
@@ -143,7 +139,7 @@ def test_a_folder_of_runs_that_moved_gets_its_store_anew_where_it_is(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_run_of_another_store_is_not_deleted_when_it_is_trained_again(tmp_path, monkeypatch):
+def test_a_run_of_another_store_is_not_deleted_when_it_is_trained_again(tmp_path):
     config = short_run(tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig())
     run(config)
     elsewhere = TrackingConfig(uri=f"sqlite:///{tmp_path}/other.db")
@@ -172,8 +168,7 @@ def test_a_run_that_lost_figures_which_it_had_sent_has_each_once(store, tmp_path
         tmp_path / "run", root=str(store), tracking=TrackingConfig(), checkpoint_interval=1000.0, levels=levels
     )
     if moment == "in training":
-        with killed_after(3, monkeypatch):
-            run(config)
+        run_killed(config, 3)
     else:
         with monkeypatch.context() as patch, pytest.raises(Killed):
             patch.setattr(run_module, "write_json", stop)
@@ -333,18 +328,7 @@ def points(folder):
     return [(row["name"], row["frames"], row["value"]) for row in read_metrics(folder).to_pylist()]
 
 
-def test_a_run_tells_the_server_all_its_figures_while_it_runs(tmp_path, server, monkeypatch):
-    def look(_):
-        until(lambda: any(step == 128 for _, step, _ in server.points))
-
-    with before_iteration(3, look, monkeypatch):
-        folder = run(short_run(tmp_path / "run", tracking=REMOTE)).folder
-    assert server.points == points(folder)
-    assert sorted(server.files) == ["episodes.parquet", "summary.json"]
-    assert server.status == "FINISHED"
-
-
-def test_a_server_that_goes_away_and_comes_back_misses_nothing(tmp_path, server, monkeypatch, capfd):
+def test_a_server_that_goes_away_and_comes_back_misses_nothing(tmp_path, server, capfd):
     def go(_):
         server.up, server.calls = False, 0
 
@@ -357,9 +341,10 @@ def test_a_server_that_goes_away_and_comes_back_misses_nothing(tmp_path, server,
     events = zip((2, 3, 4), (go, miss, come), strict=True)
     with contextlib.ExitStack() as stack:
         for number, happens in events:
-            stack.enter_context(before_iteration(number, happens, monkeypatch))
+            stack.enter_context(before_iteration(number, happens))
         folder = run(short_run(tmp_path / "run", tracking=REMOTE)).folder
     assert server.points == points(folder)
+    assert (sorted(server.files), server.status) == (["episodes.parquet", "summary.json"], "FINISHED")
     said = capfd.readouterr().err
     assert (
         said.count("MLflow refuses: nobody is there. The run goes on; what MLflow misses is sent when it answers") == 1
@@ -450,13 +435,10 @@ def test_a_locked_database_ends_no_run_and_gets_all_when_it_is_free(tmp_path, ca
     assert one.info.status == "FINISHED"
 
 
-def test_the_password_of_a_server_stands_in_no_file_nor_message_and_a_run_goes_on_without_it(
-    tmp_path, server, capfd, monkeypatch
-):
+def test_the_password_of_a_server_stands_in_no_file_nor_message_and_a_run_goes_on_without_it(tmp_path, server, capfd):
     server.up = False
     tracking = TrackingConfig(uri="http://me:s3cret@127.0.0.1:9", interval=0.0)
-    with killed_after(2, monkeypatch):
-        run(short_run(tmp_path / "run", tracking=tracking))
+    run_killed(short_run(tmp_path / "run", tracking=tracking), 2)
     server.up = True
     folder = run(short_run(tmp_path / "run", tracking=tracking)).folder
     assert server.points == points(folder)
