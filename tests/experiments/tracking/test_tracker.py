@@ -10,7 +10,6 @@ import sqlite3
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import pytest
 from filelock import FileLock
@@ -28,24 +27,16 @@ from segar.experiments.upload import upload
 from segar.support import WORKSPACE
 from tests.experiments.short_runs import Killed, before_iteration, run_killed, same_results, short_run, stop
 from tests.experiments.tracking.mlflow_server import has_each_figure_once
+from tests.experiments.tracking.started_run import start
 from tests.synthetic_runs import settings, write_run
-from tests.waiting import PATIENCE, until
-
-ROWS = [{"name": "episode/return", "frames": k, "seconds": 0.5 * k, "value": -k} for k in range(5)]
-
-
-def start(root, number):
-    """Tells the store in a folder of a run of this number."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mlflow_store, "LONGEST_OPENING", PATIENCE)
-        start_tracking(RunConfig(root=root, seed=number), Path(root) / str(number), ROWS).finish("FINISHED")
+from tests.waiting import until
 
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
     """The folder of a store that two processes, each in its own working directory, have made at once."""
     root, *places = (tmp_path_factory.mktemp(name) for name in ("store", "here", "there"))
-    here = "import sys; from tests.experiments.tracking.test_tracker import start; print(flush=True)"
+    here = "import sys, mlflow; from tests.experiments.tracking.started_run import start; print(flush=True)"
     code = f"{here}; sys.stdin.read(); start({str(root)!r}, 1)"
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     command = [sys.executable, "-W", "ignore", "-c", code]
