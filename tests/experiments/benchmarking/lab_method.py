@@ -17,6 +17,9 @@ def policy(side, seed):
     return lambda observations: np.tanh(observations[:, :2] * gain)
 
 
+no_function = 3
+
+
 def no_policy(side, seed):
     """Forgets to return a policy."""
 

@@ -244,6 +244,7 @@ def test_wrong_actions_are_refused(tmp_path, actions, said):
 @pytest.mark.parametrize(
     ("name", "error", "said"),
     [
+        ("no_function", ConfigError, "it must be a function of a suite's training side and a seed .* it is int"),
         (
             "no_policy",
             ConfigError,

@@ -1,7 +1,13 @@
 """The reproduction trains what is missing, goes on where it stopped, and names what failed."""
 
 import dataclasses
+import os
+import re
 import shlex
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -18,10 +24,13 @@ from segar.experiments.reproduce import (
     with_reports,
 )
 from segar.experiments.reproduction.plan import StudyTask
+from segar.experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read_versions, write_json
 from segar.experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point
 from tests.experiments.settings.test_grid import cells_of
 from tests.experiments.short_runs import run_module
+from tests.places import ROOT
 from tests.synthetic_runs import pretend_to_train, settings
+from tests.waiting import until
 
 FOUR_CELLS = ScaleConfig(name="smoke", families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
 MAIN = {"title": "All cells", "figure": "3a", "grid": {"algorithms": ["base"]}, "scales": {"smoke": {}}}
@@ -70,6 +79,28 @@ def test_every_run_is_trained_once_after_a_plan(tmp_path, capfd):
 
 
 @pytest.mark.usefixtures("one_process")
+def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path, capfd):
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    folders = [path.parent for path in tmp_path.glob(f"*hard*/{VERSIONS}")]
+    for folder in folders:
+        versions = read_versions(folder)
+        write_json(folder / VERSIONS, {**versions, "code": {**versions["code"], "kernel": "another"}})
+    with pytest.raises(ConfigError, match="2 finished runs were made by other code than this; changed since: kernel"):
+        reproduce(asked(tmp_path), pretend, finish_nothing)
+    reproduce(asked(tmp_path, stale="keep"), pretend, finish_nothing)
+    assert len(trained(tmp_path)) == 4
+    capfd.readouterr()
+    reproduce(asked(tmp_path, stale="anew"), pretend, finish_nothing)
+    said = capfd.readouterr().out
+    assert "smoke: 4 runs, 2 done, 2 to do" in said
+    assert re.search(r"^hard .* 2 +0", said, re.MULTILINE)  # the table of experiments: runs and how many are done
+    assert trained(tmp_path).count("empty-hard n=1 seed=1") == 2
+    assert len(trained(tmp_path)) == 6
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    assert len(trained(tmp_path)) == 6
+
+
+@pytest.mark.usefixtures("one_process")
 def test_one_experiment_alone_is_run(tmp_path, capfd):
     reproduce(asked(tmp_path, experiments=("hard",)), pretend, finish_nothing)
     assert trained(tmp_path) == ["empty-hard n=1 seed=1", "empty-hard n=10 seed=1"]
@@ -92,17 +123,28 @@ def test_what_cannot_be_run_is_told(tmp_path):
         reproduce(asked(tmp_path, scale=ScaleConfig(name="huge")), pretend, finish_nothing)
 
 
+@pytest.mark.slow
+def test_a_failing_run_stops_no_other_and_is_named_with_its_log(tmp_path, capfd):
+    with pytest.raises(TrainingError) as told:
+        reproduce(asked(tmp_path), train_but_for_one, finish_nothing)
+    assert len(trained(tmp_path)) == 3
+    message = str(told.value)
+    assert message.startswith("1 of 4 failed:\n  empty-hard-n10-state-ppo-s1-")
+    assert "ValueError: the loss is not finite" in message
+    assert "the same command does only what is missing" in message
+    log = Path(message.partition("log: ")[2].splitlines()[0])
+    assert "a last word" in log.read_text() and "in train_but_for_one" in log.read_text()
+    assert "[4/4]" in capfd.readouterr().out
+
+
 @pytest.mark.usefixtures("one_process")
 def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, capfd, register):
     register(
         REPORTS, tables="segar.analysis.collect:collect_tables", report="segar.analysis.report.make:report_results"
     )
     config = asked(tmp_path)
-    with pytest.raises(TrainingError, match=r"^1 of 4 failed:\n  empty-hard-n10-state-ppo-s1-") as told:
+    with pytest.raises(TrainingError, match="1 of 4 failed"):
         reproduce(config, train_but_for_one)
-    assert "ValueError: the loss is not finite" in str(told.value)
-    assert "the same command does only what is missing" in str(told.value)
-    assert f"log: {config.folder}/logs/" in str(told.value) and len(trained(tmp_path)) == 3
     said = capfd.readouterr().out
     assert f"{config.folder / 'runs.parquet'}: 3 runs; transfers.parquet: 0 transfers" in said
     assert "missing: empty-hard-n10-state-ppo-s1-" in said and ": not begun" in said
@@ -166,6 +208,30 @@ def test_a_study_that_is_not_known_is_an_error_before_anything_is_trained(tmp_pa
     with pytest.raises(ConfigError, match=r"'no_such' in the group segar\.studies.*make setup"):
         reproduce(asked(tmp_path, {"main": MAIN, "none": study}), pretend, finish_nothing)
     assert not (tmp_path / "trained").exists()
+
+
+@pytest.mark.slow
+def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):
+    """Killed while the second cell is at work; started again, it trains all but the first."""
+    script = tmp_path / "slowly.py"
+    script.write_text(
+        "import time\n"
+        "from tests.experiments.reproduction.test_reproduce import *\n"
+        "def slowly(work):\n"
+        f"    while (Path({str(tmp_path)!r}) / 'trained').exists(): time.sleep(0.1)\n"
+        "    return pretend(work)\n"
+        "if __name__ == '__main__':\n"
+        f"    config = asked(Path({str(tmp_path)!r}))\n"
+        "    reproduce(ReproduceConfig(config.run, processes=1, grids=config.grids), slowly, finish_nothing)\n"
+    )
+    owner = subprocess.Popen([sys.executable, script], env={**os.environ, "PYTHONPATH": str(ROOT)})
+    first, *rest = (folder_path(cell) for cell in cells_of(asked(tmp_path).run))
+    until(lambda: is_finished(first) or owner.poll() is not None)
+    owner.send_signal(signal.SIGKILL)
+    owner.wait()
+    assert not any(is_finished(folder) for folder in rest)
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    assert len(trained(tmp_path)) == len(set(trained(tmp_path))) == 4
 
 
 def test_the_command_that_opens_the_pages_is_quoted_for_the_shell(tmp_path):
