@@ -10,9 +10,9 @@ from segar.engine.simulator import Simulator, StepResult
 from segar.envs.vector import VectorEnv
 from segar.errors import LevelError
 from segar.language import Framerate, MaxVelocity, Mobile
-from segar.language.shapes import ConvexHull, RandomConvexHull
+from segar.language.shapes import ConvexHull, Hexagon, Square, Triangle
 from segar.levels import check_crossings
-from segar.levels.crossings import _widths
+from segar.levels.crossings import _ways_through
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
 from tests.segar.engine.worlds import read, start
@@ -142,13 +142,32 @@ def test_narrow_hulls_need_slow_things_and_worlds_without_contacts_or_bounded_sp
     check_crossings(pegs, segar.World(), 5)
 
 
-def test_the_narrowest_width_of_a_hull_is_that_between_parallel_lines_around_it():
-    rng = np.random.default_rng(0)
-    hulls = RandomConvexHull(0.3).sample(rng, 20)
-    count = np.array([len(hull) for hull in hulls])
-    padded = np.zeros((20, count.max(), 2))
-    for place, hull in enumerate(hulls):
-        padded[place, : len(hull)] = hull
-    turns = np.linspace(0, np.pi, 20_000)
-    across = [np.ptp(hull @ np.stack([np.cos(turns), np.sin(turns)]), axis=0).min() for hull in hulls]
-    np.testing.assert_allclose(_widths(padded, count), across, rtol=1e-4)
+@pytest.mark.parametrize(("shape", "middle"), [(Triangle(0.2), 0.0), (ConvexHull([(0, 0), (0.3, 0), (0, 0.3)]), 0.1)])
+def test_a_tile_that_is_a_hull_is_never_crossed_unseen_through_its_middle(simulator, shape, middle):
+    tile = segar.GoalTile({segar.Shape: shape})
+    with pytest.raises(LevelError) as refusal:
+        simulator.arrays_of(level((0.02, 0.5), 40.0, tile=tile, mobile=False))
+    speed = float(re.search(r"MaxVelocity of at most ([\d.]+)", str(refusal.value))[1])
+    levels, turns = level((0.02, 0.5), speed, tile=tile, mobile=False), np.linspace(0, 2 * np.pi, 60)
+    for direction in np.stack([np.cos(turns), np.sin(turns)], axis=1):
+        state, result, seen = start(levels, PHASES), StepResult.empty(PHASES), np.zeros(PHASES, bool)
+        x, v = read(state, levels, segar.Position), read(state, levels, segar.Velocity)
+        behind = 0.25 + np.arange(PHASES) / PHASES * way_of(levels)
+        x[:, 2], x[:, 1], x[:, 0] = 0.0, (0.7, 0.7), middle - behind[:, None] * direction
+        v[:, 0] = speed * direction
+        simulator.act(state, levels, np.zeros((PHASES, 2), np.float32), result)
+        seen |= result.terminated
+        simulator.act(state, levels, np.zeros((PHASES, 2), np.float32), result)
+        assert (seen | result.terminated).all(), (direction, speed)
+
+
+def test_the_way_through_a_hull_is_the_shortest_chord_of_its_middle():
+    ways = {
+        Square(1.0): 1.0,
+        Triangle(1.0): 0.5,
+        Hexagon(1.0): 0.75**0.5,
+        ConvexHull([(3, 3), (4, 3), (4, 4), (3, 4)]): 1.0,
+    }
+    for shape, way in ways.items():
+        padded = np.concatenate([shape.vertices, np.zeros((2, 2))])[None]
+        np.testing.assert_allclose(_ways_through(padded, np.array([len(shape.vertices)])), way, rtol=2e-3)
