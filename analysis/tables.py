@@ -10,13 +10,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from segar.errors import SegarError
-from segar.experiments.runs.files import opened_table, replacing
+from segar.experiments.runs.files import read_table, replacing
 from segar.experiments.settings import RunFolderError
 from segar.support import data_in
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+MOST_COLUMNS = 10_000  # of a text, for each of which reading takes about a millisecond
 CURVE_POINTS = 40  # of a curve that is drawn or shipped
 
 
@@ -42,13 +43,18 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
 def read_frame(path: Path) -> pd.DataFrame:
     """The table in a file ``.csv`` or ``.parquet``, as its suffix says; raises :class:`RunFolderError` where there is none."""
     if path.suffix == ".parquet":
-        with opened_table(path) as file:
-            return pd.read_parquet(file)
+        return read_table(path).to_pandas()
     return data_in(path, "a table", RunFolderError, read_csv)
 
 
 def read_csv(text: bytes) -> pd.DataFrame:
-    """The table in this text; a single distribution has no difficulty, which is no missing value."""
+    """The table in this text; a single distribution has no difficulty, which is no missing value.
+
+    Raises:
+        ValueError: it has too many columns, or is no table.
+    """
+    if text.partition(b"\n")[0].count(b",") >= MOST_COLUMNS:
+        raise ValueError(f"it has more than {MOST_COLUMNS:,} columns")
     return pd.read_csv(BytesIO(text), dtype={"difficulty": str}).fillna({"difficulty": ""})
 
 

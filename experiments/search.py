@@ -18,7 +18,7 @@ from optuna.distributions import BaseDistribution, CategoricalDistribution, Floa
 from optuna.trial import Trial, TrialState
 
 from segar.cli import table
-from segar.errors import did_you_mean
+from segar.errors import did_you_mean, naming
 from segar.experiments.commands.hydra_app import run_command, to_plain
 from segar.experiments.reproduction.grid import with_settings
 from segar.experiments.reproduction.process_pool import Job, JobResult, run_jobs
@@ -97,10 +97,8 @@ def example_of(distribution: Any) -> Any:
 
 def with_values(run: RunConfig, values: Mapping[str, Any]) -> RunConfig:
     """``run`` with values of Optuna's for some settings; raises :class:`ConfigError` for an unknown name or a wrong value."""
-    try:
+    with naming(SPACE, ConfigError):
         return with_settings(run, {name: json.loads(x) if isinstance(x, str) else x for name, x in values.items()})
-    except ConfigError as error:
-        raise ConfigError(f"{SPACE}: {error}") from error
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""``python -m analysis.report results=FOLDER``: claims, statistics, figures and a page from the tables of a folder.
+"""``segar report results=FOLDER``: claims, statistics, figures and a page from the tables of a folder.
 
 ``FOLDER`` is one that segar.experiments.reproduce made, or one of docs/results; only its tables are read. Written there:
 ``report.html``, ``claims.csv``, ``figures/<name>.{svg,png,csv}`` and ``statistics/<name>.csv``. ``pdf=true`` prints the page

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from segar.errors import naming
 from segar.experiments.benchmarking.policy_process import SECONDS
 from segar.experiments.benchmarking.protocol import BUDGETS, ONNX, PLAYERS, SHIPPED, suites_named
 from segar.experiments.benchmarking.row import NAME, ROW, TRAINED, Method, Row
@@ -148,7 +149,7 @@ def again(config: BenchmarkConfig, row: Row) -> list[BenchmarkConfig]:
     """
     method, settings = row.method, dict(row.settings(config.trusted, TRAINED))
     training_levels = settings.pop("training_levels", None)
-    try:
+    with naming(row.folder / ROW, RunFolderError):
         data = as_data(config.run) | settings
         data |= {"scale": {**data["scale"], "frames": method.frames or data["scale"]["frames"]}}
         whole = dataclasses.replace(
@@ -163,5 +164,3 @@ def again(config: BenchmarkConfig, row: Row) -> list[BenchmarkConfig]:
             )
             for seed in sorted({piece.seed for piece in row.pieces})
         ]
-    except ConfigError as error:
-        raise RunFolderError(f"{row.folder / ROW}: {error}") from error

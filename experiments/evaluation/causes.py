@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import SuiteError
+from segar.errors import naming
 from segar.experiments.evaluation.episodes import Agent, play_in_modes
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.settings import ConfigError, EvaluateConfig, RunConfig, is_level_file
@@ -36,10 +36,8 @@ def suite_played(config: EvaluateConfig, trained: RunConfig, levels: Levels) -> 
     tested = trained.levels if config.levels == "test" else dataclasses.replace(trained.levels, test=config.levels)
     run = Prepared(dataclasses.replace(trained, levels=tested))
     name = f"{tested.train} to {tested.test_distribution}"
-    try:
+    with naming("twins", ConfigError):
         return own_suite(run.train_distribution, run.test_distribution, levels, task=run.task, name=name)
-    except SuiteError as error:
-        raise ConfigError(f"twins: {error}") from error
 
 
 def play_twins(

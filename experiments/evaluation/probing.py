@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from segar.errors import SegarError
 from segar.experiments.commands.plugin import find_plugin
 from segar.experiments.runs.executed_code import fingerprint
-from segar.experiments.runs.files import opened_table, write_parquet
+from segar.experiments.runs.files import read_table, write_parquet
 from segar.experiments.runs.run_folder import (
     METRIC_SCHEMA,
     METRICS,
@@ -136,8 +135,7 @@ def read_about(folder: Path) -> dict[str, Any] | None:
     """The settings of the probes of a run (``asked``), the fingerprint of their ``code``, and their ``seconds``; None
     where the run was not probed, or its file is damaged, so that it is probed again."""
     try:
-        with opened_table(folder / PROBES) as file:
-            return json.loads((pq.read_schema(file).metadata or {})[ABOUT])
+        return json.loads((read_table(folder / PROBES).schema.metadata or {})[ABOUT])
     except (KeyError, ValueError):
         return None
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import LevelError
+from segar.errors import LevelError, naming
 from segar.experiments.settings import RULE_SETS_DESIGN, ConfigError, LevelsConfig
 from segar.hardness import Situations, make_situations
 from segar.levels import Levels, share_rule_sets
@@ -29,10 +29,8 @@ def levels_of_rule_sets(distribution: Any, config: LevelsConfig, test: Any) -> L
     """
     number, extreme = RULE_SETS_DESIGN.fullmatch(config.design).groups()  # type: ignore[union-attr]
     levels, count = distribution.sample(config.number, seed=config.seed, split="train"), int(number)
-    try:
+    with naming(f"levels.design: {config.design}", ConfigError):
         return share_rule_sets(levels, picked(levels, count, extreme, test, config.seed) if extreme else count)
-    except LevelError as error:
-        raise ConfigError(f"levels.design: {config.design}: {error}") from error
 
 
 def picked(levels: Levels, count: int, extreme: str, test: Levels, seed: int) -> np.ndarray:

@@ -77,12 +77,10 @@ def check_transfers(works: Iterable[RunTask]) -> None:
             if kind in seen or run.observation.name.startswith(PICTURES):
                 continue
             seen.add(kind)
-            try:
+            with naming(f"transfers: {transfer.label}", ConfigError):
                 check_observations(
                     Prepared(run), *(distribution_of(there, which).sample(1) for which in ("train", "test"))
                 )
-            except ConfigError as error:
-                raise ConfigError(f"transfers: {transfer.label}: {error}") from error
 
 
 def columns_of_works(experiment: Experiment, works: Sequence[RunTask]) -> list[tuple[RunTask, dict[str, str]]]:

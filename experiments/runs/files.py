@@ -1,19 +1,16 @@
 """Files of a run are replaced as a whole or stay as they were: see :mod:`segar.support.files`. They are read as data, whoever
 made them."""
 
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
-from io import BufferedReader
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from segar import support
 from segar.experiments.settings import RunFolderError
-from segar.support import DAMAGE, check_size, data_in, files, first_line, opened
-
-CELL = 8  # [bytes] that a value of a table takes at most, texts aside
+from segar.support import data_in, files
 
 ADVICE = (
     "what was there before is untouched. Make room or give access, then start the same command again: it goes on from the"
@@ -65,19 +62,4 @@ def read_table(path: Path) -> pa.Table:
     Raises:
         RunFolderError: there is no such file, it is no table, or would take more memory than the limit.
     """
-    with opened_table(path) as file:
-        return pq.read_table(file)
-
-
-@contextmanager
-def opened_table(path: Path) -> Iterator[BufferedReader]:
-    """A Parquet file to read from, which is not too large; errors in the block are those of :func:`read_table`."""
-    with opened(path, "table", RunFolderError) as file:
-        try:
-            found = pq.read_metadata(file)
-            check_size(path, CELL * found.num_rows * found.num_columns, "table", RunFolderError)
-            yield file
-        except RunFolderError:
-            raise
-        except (pa.ArrowException, *DAMAGE) as error:
-            raise RunFolderError(f"cannot read the table {path}: {first_line(error)}") from error
+    return support.read_table(path, "table", RunFolderError)

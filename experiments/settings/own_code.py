@@ -76,10 +76,8 @@ def without_folder(name: str) -> str:
 
 def file_fingerprint(path: Path, place: str) -> str:
     """Eight hexadecimal digits of a file's content; raises :class:`ConfigError` if it cannot be read."""
-    try:
+    with naming(place, ConfigError):
         return sha256_of(path, "level file", ConfigError)[:8]
-    except ConfigError as error:
-        raise ConfigError(f"{place}: {error}") from error
 
 
 def add_module_path(folders: Iterable[str]) -> None:

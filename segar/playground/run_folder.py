@@ -12,13 +12,13 @@ from os.path import getmtime
 from pathlib import Path
 from typing import Any
 
-from segar.errors import SegarError
+from segar.errors import SegarError, naming
 from segar.language import Task
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, trained_on
 from segar.policies import NETWORK_FILE, Network, load
 from segar.suites import Suite, named_observation
-from segar.support import DAMAGE, ROWS, data_in, first_line, need, opened, resolve, shown
+from segar.support import ROWS, data_in, need, read_table, resolve, shown
 from segar.tasks import make_task, task_of
 
 CONFIG, LEVELS_TRAIN, PROBES = "config.yaml", "levels_train.npz", "probes.parquet"  # files of a run folder
@@ -163,28 +163,19 @@ def _task(path: Path, settings: Mapping[str, Any], levels: Levels, wanted: str |
     if wanted is not None:
         return make_task(wanted, said.get("options") if wanted == name else None)
     options = said.get("options")
-    try:
+    with naming(f"{path}: the task {shown(name)} cannot be made"):
         return task_of(levels, options) if name == levels.task else make_task(name, options, trusted=())
-    except SegarError as error:
-        raise SegarError(f"{path}: the task {shown(name)} cannot be made: {error}") from error
 
 
 def _probes(path: Path) -> dict[str, tuple[float, float, float]]:
     """R² of linear probes in a run's table, with intervals."""
     need("reading the probes of a run", "pyarrow")
-    from pyarrow import ArrowException, parquet
-
-    advice = "probe the run again, or take the file out of the folder"
-    with opened(path, "table of probes", SegarError) as stream:
-        try:
-            rows = parquet.ParquetFile(stream).metadata.num_rows
-            if rows <= MOST_ROWS:
-                is_shown = [(column, "==", value) for column, value in SHOWN.items()]
-                table = parquet.read_table(stream, columns=["factor", *NUMBERS], filters=is_shown)
-                rows_shown = [[one[name] for name in ("factor", *NUMBERS)] for one in table.to_pylist()]
-                # What does not vary has no R².
-                known = [row for row in rows_shown if None not in row and all(map(math.isfinite, row[1:]))]
-                return {str(factor): (float(r2), float(low), float(high)) for factor, r2, low, high in known}
-        except (ArrowException, *DAMAGE) as cause:
-            raise SegarError(f"{path} holds no probes of a run: {first_line(cause)}; {advice}") from cause
-    raise SegarError(f"{path} has {rows:,} rows, and a table of probes {MOST_ROWS:,} at most; {advice}")
+    table = read_table(path, "table of probes", SegarError, [*SHOWN, "factor", *NUMBERS])
+    if table.num_rows > MOST_ROWS:
+        raise SegarError(
+            f"{path} has {table.num_rows:,} rows, and a table of probes {MOST_ROWS:,} at most; probe the run again"
+        )
+    rows = [[one[name] for name in ("factor", *NUMBERS)] for one in table.to_pylist() if SHOWN.items() <= one.items()]
+    # What does not vary has no R².
+    known = [row for row in rows if None not in row and all(map(math.isfinite, row[1:]))]
+    return {str(factor): (float(r2), float(low), float(high)) for factor, r2, low, high in known}

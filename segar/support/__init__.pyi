@@ -83,7 +83,9 @@ from .published import (
     read_manifest as read_manifest,
     write_manifest as write_manifest,
 )
-from .reading import check_size as check_size, content_of as content_of, opened as opened, sha256_of as sha256_of
+from .parquet import read_table as read_table
+from .reading import check_size as check_size, content_of as content_of, file_limit as file_limit, opened as opened
+from .reading import sha256_of as sha256_of
 from .text_table import aligned as aligned, counted as counted
 from .threads import Team as Team, cores as cores
 from .version import __version__ as __version__

@@ -21,6 +21,7 @@ from segar.analysis.runs import (
     training_sets,
 )
 from segar.analysis.stats.estimate import mean_of_replicates
+from segar.analysis.tables import read_frame
 from segar.errors import SegarError
 from segar.experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, VERSIONS, read_versions, write_json
 from segar.experiments.runs.run_rows import as_columns, code_warning, run_rows
@@ -321,3 +322,9 @@ def test_names_are_drawn_as_they_are_and_not_as_markup():
     (legend,) = figure.legends
     assert [text.get_text().strip() for text in legend.get_texts()] == sorted(names)
     assert not any(text.get_parse_math() for text in legend.get_texts())
+
+
+def test_a_text_of_very_many_columns_is_refused(tmp_path):
+    (tmp_path / "wide.csv").write_text("a," * 10_000 + "b\n")
+    with pytest.raises(RunFolderError, match=r"wide.csv is not a table.*more than 10,000 columns"):
+        read_frame(tmp_path / "wide.csv")

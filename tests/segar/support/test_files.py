@@ -8,10 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from segar.errors import SegarError
-from segar.support import UNFINISHED, locked, remove_unfinished, replacing
+from segar.support import UNFINISHED, locked, read_table, remove_unfinished, replacing
 
 
 def write(path: Path, text: str) -> None:
@@ -165,3 +168,20 @@ def test_a_locked_folder_keeps_others_out(tmp_path):
     refused = pytest.raises(SegarError, match=r"cannot use the folder .*file: ")
     with refused, locked(tmp_path / "file", SegarError, "come later"):
         pass
+
+
+def test_a_small_table_that_stands_for_much_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    monkeypatch.setenv("SEGAR_FILE_LIMIT", "1")
+    path, numbers = tmp_path / "bomb.parquet", np.zeros(200_000)
+    repeated = pa.DictionaryArray.from_arrays(pa.array([0] * 4000, pa.int32()), pa.array(["x" * 100_000]))
+    for table, says in (
+        (pa.table({"algorithm": repeated, "seed": range(4000)}), "more than 1,000,000"),
+        (pa.table({"seed": numbers}), "would expand to 1,6.*SEGAR_FILE_LIMIT"),
+        (
+            pa.table({"values": pa.ListArray.from_arrays([0, len(numbers)], pa.array(numbers))}),
+            "would expand to 1,6",
+        ),
+    ):
+        pq.write_table(table, path, compression="zstd", store_schema=False)
+        with pytest.raises(SegarError, match=f"bomb.parquet.*{says}"):
+            read_table(path, "table", SegarError)

@@ -1,0 +1,43 @@
+"""Parquet tables that others made: what they expand to is known before they are read."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from segar.errors import SegarError
+from segar.support.npz import DAMAGE, first_line
+from segar.support.reading import LIMIT, check_size, opened
+
+CELL = 8  # [bytes] that a value takes at most, texts aside
+
+
+def read_table(path: Path, kind: str, error: type[SegarError], columns: Sequence[str] | None = None) -> Any:
+    """The ``pyarrow.Table`` in a Parquet file.
+
+    Args:
+        kind: what it should be, for messages, as "table".
+        columns: those that are read; None: all.
+
+    Raises:
+        error: there is no such file, it is no table or has no such column, or it would take more memory than the limit.
+    """
+    from pyarrow import ArrowException, parquet
+
+    with opened(path, kind, error) as file:
+        try:
+            table = parquet.ParquetFile(file)
+            groups = [table.metadata.row_group(k) for k in range(table.num_row_groups)]
+            chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
+            size = sum(one.total_uncompressed_size + CELL * one.num_values for one in chunks)
+            check_size(path, size, kind, error)
+            # Of a text that is repeated the file may hold one copy. So texts are tried in parts, which cannot be large.
+            texts = [one for one in chunks if one.physical_type.endswith("BYTE_ARRAY")]
+            most = 1 + LIMIT // max([1, *(one.total_uncompressed_size for one in texts)])
+            for part in table.iter_batches(most, columns=[*{one.path_in_schema for one in texts}]):
+                size += part.nbytes
+                check_size(path, size, kind, error)
+            return parquet.read_table(file, columns=columns)
+        except error:
+            raise
+        except (ArrowException, *DAMAGE) as cause:
+            raise error(f"cannot read the {kind} {path}: {first_line(cause)}") from cause
