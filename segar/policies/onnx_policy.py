@@ -8,9 +8,12 @@ import numpy as np
 
 from segar.errors import SegarError
 from segar.policies.network_policy import Environments
-from segar.support import content_of, need
+from segar.support import content_of, file_limit, need
 
 ELSEWHERE = "session.model_external_initializers_file_folder_path"
+MEMORY = (
+    2 * 2**30
+)  # [bytes] of all numbers that models may compute at a time, unless the environment says another limit
 DTYPES = {"tensor(float)": np.dtype(np.float32), "tensor(uint8)": np.dtype(np.uint8)}
 
 
@@ -20,7 +23,7 @@ class OnnxPolicy:
     The first input is an observation, float32 or uint8 ``(n, ...)``, and the first output the action, float32 ``(n,
     components)`` in the range of the task. A second input and a second output, float32 ``(n, numbers)``, are a memory, which is
     zero where episodes begin. The number ``n`` of environments is free. Nothing is read but the file, and nothing in it is
-    Python code. The last bits of what onnxruntime computes may differ between processors.
+    Python code; what it computes may take 2 GiB. The last bits of what onnxruntime computes may differ between processors.
 
     Args:
         path: of the file.
@@ -38,6 +41,10 @@ class OnnxPolicy:
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4  # what goes wrong is an error, and told by it
         options.add_session_config_entry(ELSEWHERE, devnull)  # so that weights in other files are not found
+        arena = onnxruntime.OrtArenaCfg({"max_mem": file_limit(MEMORY), "arena_extend_strategy": 1})
+        of_processor = (onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, onnxruntime.OrtMemType.DEFAULT)
+        onnxruntime.create_and_register_allocator(onnxruntime.OrtMemoryInfo("Cpu", *of_processor), arena)
+        options.add_session_config_entry("session.use_env_allocators", "1")
         content = content_of(self.path, "ONNX file", SegarError)
         try:
             self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])

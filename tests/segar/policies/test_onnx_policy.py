@@ -75,3 +75,15 @@ def test_a_model_reads_no_other_file_not_even_one_in_the_working_folder(tmp_path
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SegarError, match=r"p\.onnx is no ONNX model"):
         OnnxPolicy(tmp_path / "p.onnx")
+
+
+def test_a_small_model_does_not_take_all_memory(tmp_path):
+    linear(tmp_path / "large.onnx", (9,))
+    model = onnx.load(tmp_path / "large.onnx")
+    model.graph.initializer.append(onnx.numpy_helper.from_array(np.array([2**31]), "number"))
+    model.graph.node.insert(0, onnx.helper.make_node("ConstantOfShape", ["number"], ["many"]))
+    model.graph.node.insert(1, onnx.helper.make_node("ReduceSum", ["many"], ["none"], keepdims=0))
+    model.graph.node[4].input[2] = "none"
+    onnx.save(model, tmp_path / "large.onnx")
+    with pytest.raises(SegarError, match=r"large.onnx: it cannot be played with 3 environments"):
+        OnnxPolicy(tmp_path / "large.onnx")(np.zeros((3, 9), np.float32))
