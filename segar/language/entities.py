@@ -13,9 +13,10 @@ from collections import ChainMap
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from traceback import walk_stack
+from types import MappingProxyType
 from typing import Any, ClassVar
 
-from segar.errors import FactorError
+from segar.errors import FactorError, naming
 from segar.language import factors
 from segar.language.factors import ID, Factor, Label, Shape, Size
 from segar.language.shapes import Circle, Square
@@ -38,7 +39,7 @@ class Entity:
         factors: factor class to value. For a sub-class, values for some of its factors; the rest are the defaults.
     """
 
-    declared: ClassVar[dict[type[Factor], Any]] = {}
+    declared: ClassVar[Mapping[type[Factor], Any]] = MappingProxyType({})
     """Factor class to default value, inherited ones included."""
 
     _own: ClassVar[dict[type[Factor], Any]] = {}
@@ -51,16 +52,14 @@ class Entity:
             if not (isinstance(factor, type) and issubclass(factor, Factor)):
                 continue  # an ordinary attribute such as a ClassVar
             value = cls.__dict__.get(name, None)
-            try:
+            with naming(f"entity {cls.__name__}.{name}", FactorError):
                 cls._own[factor] = factor.default if value is None else factor.check(value)
-            except FactorError as error:
-                raise FactorError(f"entity {cls.__name__}.{name}: {error}") from None
         inherited: dict[type[Factor], Any] = {}  # of all parents, in Python's order of resolution
         for parent in reversed(cls.__mro__[1:]):
             inherited |= vars(parent).get("_own", {})
         if Size in cls._own and Shape not in cls._own and isinstance(inherited.get(Shape), Circle):
             cls._own[Shape] = Circle(cls._own[Size])  # the inherited circle gets the new size
-        cls.declared = inherited | cls._own
+        cls.declared = MappingProxyType(inherited | cls._own)
 
     def __init__(self, factors: Mapping[type[Factor], Any] | None = None) -> None:
         self.factors: dict[type[Factor], Any] = dict(self.declared)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
+from types import MappingProxyType
 
 import numpy as np
 
@@ -62,15 +63,19 @@ class Layout:
         """All factors that have columns, in order of first declaration."""
         return tuple(dict.fromkeys(f for t in self.types for f in t.declared if f.width))
 
-    @cached_property
-    def columns(self) -> dict[type[Factor], int]:
-        """Factor -> its first column."""
-        return dict(zip(self.factors, accumulate((f.width for f in self.factors), initial=0), strict=False))
+    def __reduce__(self) -> tuple[object, ...]:
+        return Layout, (self.slots, self.extra_parameters)
 
     @cached_property
-    def by_name(self) -> dict[str, tuple[type[Factor], int]]:
+    def columns(self) -> Mapping[type[Factor], int]:
+        """Factor -> its first column."""
+        first = accumulate((f.width for f in self.factors), initial=0)
+        return MappingProxyType(dict(zip(self.factors, first, strict=False)))
+
+    @cached_property
+    def by_name(self) -> Mapping[str, tuple[type[Factor], int]]:
         """Factor name -> (factor, its first column)."""
-        return {factor.__name__: (factor, column) for factor, column in self.columns.items()}
+        return MappingProxyType({factor.__name__: (factor, column) for factor, column in self.columns.items()})
 
     def named(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """The factors of states ``(..., entities, columns)`` by name, as views: ``(..., entities)``, of vectors with a last

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import FactorError
-from segar.support import LevelGenerator
+from segar.support import LevelGenerator, read_only
 
 CIRCLE = 1  # shape kinds as the kernels see them; 0 means no shape
 HULL = 2
@@ -74,7 +74,7 @@ class ConvexHull(BaseShape):
     def __init__(self, points: Any, size: float | None = None) -> None:
         vertices = convex_hull(np.asarray(points, dtype=float))
         super().__init__(float(size) if size is not None else float(np.ptp(vertices, axis=0).max()))
-        self._vertices = vertices
+        self._vertices = read_only(vertices)
 
     @property
     def vertices(self) -> np.ndarray:
@@ -88,7 +88,7 @@ class _Regular(ConvexHull):
 
     def __init__(self, size: float = 1.0) -> None:
         BaseShape.__init__(self, size)
-        self._vertices = size * np.array(self.corners)
+        self._vertices = read_only(size * np.array(self.corners))
 
 
 class Square(_Regular):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,7 @@ class Task:
     demo_actions: Callable[[Factors], np.ndarray] | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "results", MappingProxyType({**self.results}))
         for name in FUNCTIONS:
             for value in _several(getattr(self, name)):
                 if not callable(value):

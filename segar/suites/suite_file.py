@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,9 @@ class Suite:
         if (digits := hash_of_plans(found)) != self.hashes["plans"]:
             raise SuiteError(_changed(self.name, "plans", digits, self.hashes["plans"]))
         return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "hashes": dict(self.hashes)}
 
     def training_side(self, seed: int) -> TrainingSide:
         """What a method with this seed may know of the suite; raises as :meth:`sample`."""
@@ -211,7 +215,7 @@ def read_suite(path: str | PathLike[str]) -> Suite:
         hidden=hidden,
         textures=tuple(found["textures"]),
         hash=hashes["suite"],
-        hashes={what: value for what, value in hashes.items() if what != "suite"},
+        hashes=MappingProxyType({what: value for what, value in hashes.items() if what != "suite"}),
     )
 
 

@@ -1,6 +1,7 @@
 """Suites: what is frozen stays what it was, and what is compared on it is fit for comparisons."""
 
 import dataclasses
+import pickle
 import shutil
 
 import numpy as np
@@ -203,3 +204,15 @@ def test_a_task_or_options_that_are_none_are_told_and_nothing_is_written(tmp_pat
     with pytest.raises(SuiteError, match=said):
         freeze(tmp_path / "mine-v1.toml", train=hard, test=hard, **{**OWN, **given})
     assert not any(tmp_path.iterdir())
+
+
+def test_what_all_share_cannot_be_written():
+    found = suites.suite("place-between-v1")
+    layout = found.train.layout
+    for shared in (found.hashes, found.task.results, layout.columns, layout.by_name, segar.GolfBall.declared):
+        with pytest.raises(TypeError, match="does not support item assignment"):
+            shared["mine"] = 0
+    with pytest.raises(ValueError, match="read-only"):
+        segar.Tile.declared[segar.Shape].vertices[0] = 0.0
+    again = pickle.loads(pickle.dumps(found))
+    assert (again.hashes, again.train.layout) == (found.hashes, layout)
