@@ -174,13 +174,11 @@ def test_a_small_table_that_stands_for_much_is_refused_before_it_is_read(tmp_pat
     monkeypatch.setenv("SEGAR_FILE_LIMIT", "1")
     path, numbers = tmp_path / "bomb.parquet", np.zeros(200_000)
     repeated = pa.DictionaryArray.from_arrays(pa.array([0] * 4000, pa.int32()), pa.array(["x" * 100_000]))
+    lists = pa.ListArray.from_arrays([0, len(numbers)], pa.array(numbers))
     for table, says in (
         (pa.table({"algorithm": repeated, "seed": range(4000)}), "more than 1,000,000"),
         (pa.table({"seed": numbers}), "would expand to 1,6.*SEGAR_FILE_LIMIT"),
-        (
-            pa.table({"values": pa.ListArray.from_arrays([0, len(numbers)], pa.array(numbers))}),
-            "would expand to 1,6",
-        ),
+        (pa.table({"values": lists}), "would expand to 1,6"),
     ):
         pq.write_table(table, path, compression="zstd", store_schema=False)
         with pytest.raises(SegarError, match=f"bomb.parquet.*{says}"):
