@@ -69,8 +69,7 @@ class Layout:
     @cached_property
     def columns(self) -> Mapping[type[Factor], int]:
         """Factor -> its first column."""
-        first = accumulate((f.width for f in self.factors), initial=0)
-        return MappingProxyType(dict(zip(self.factors, first, strict=False)))
+        return MappingProxyType(dict(zip(self.factors, [0, *accumulate(f.width for f in self.factors)], strict=False)))
 
     @cached_property
     def by_name(self) -> Mapping[str, tuple[type[Factor], int]]:

@@ -169,7 +169,6 @@ def _task(path: Path, settings: Mapping[str, Any], levels: Levels, wanted: str |
 
 def _probes(path: Path) -> dict[str, tuple[float, float, float]]:
     """R² of linear probes in a run's table, with intervals."""
-    need("reading the probes of a run", "pyarrow")
     table = read_table(path, "table of probes", SegarError, [*SHOWN, "factor", *NUMBERS])
     if table.num_rows > MOST_ROWS:
         raise SegarError(

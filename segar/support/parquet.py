@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from segar.errors import SegarError
+from segar.support.imports import need
 from segar.support.npz import DAMAGE, first_line
 from segar.support.reading import LIMIT, check_size, opened
 
@@ -21,12 +22,13 @@ def read_table(path: Path, kind: str, error: type[SegarError], columns: Sequence
     Raises:
         error: there is no such file, it is no table or has no such column, or it would take more memory than the limit.
     """
+    need("reading a table", "pyarrow")
     from pyarrow import ArrowException, parquet
 
     with opened(path, kind, error) as file:
         try:
             table = parquet.ParquetFile(file)
-            groups = [table.metadata.row_group(k) for k in range(table.num_row_groups)]
+            groups = map(table.metadata.row_group, range(table.num_row_groups))
             chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
             size = sum(one.total_uncompressed_size + CELL * one.num_values for one in chunks)
             check_size(path, size, kind, error)

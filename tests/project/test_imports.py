@@ -34,7 +34,7 @@ PLACES_WITH_AN_EXTRA = {
     "segar/envs/sb3_env.py": "sb3",
     "segar/policies/onnx_policy.py": "onnx",
     "segar/support/yaml_text.py": "train",
-    "segar/playground/run_folder.py": "train",
+    "segar/support/parquet.py": "train",
     "segar/playground/on_demand.py": "studio",
     "segar/playground/server.py": "studio",
 }
