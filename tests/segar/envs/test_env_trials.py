@@ -40,12 +40,6 @@ def test_each_level_is_played_so_often_and_drawn_as_without_trials(trials):
     np.testing.assert_array_equal(level, once[np.arange(13) // trials * trials])
 
 
-def test_an_environment_plays_the_same_trials_in_a_batch_of_any_size():
-    large, small = (VectorEnv(LEVELS, n, seed=1, max_steps=STEPS, trials=3) for n in (N, 2))
-    for ours, theirs in zip(levels_and_trials(large, 30), levels_and_trials(small, 30), strict=True):
-        np.testing.assert_array_equal(ours[:, :2], theirs)
-
-
 def test_info_says_which_trial_runs_which_one_ended_and_where_a_level_begins():
     env = VectorEnv(LEVELS, N, seed=0, max_steps=STEPS, trials=3)
     _, info = env.reset()
@@ -58,11 +52,6 @@ def test_info_says_which_trial_runs_which_one_ended_and_where_a_level_begins():
         if ended.any():
             np.testing.assert_array_equal(info["final_info"]["trial"], np.where(ended, before["trial"], 0))
             assert not info["final_info"]["new_level"].any()
-
-
-def test_without_trials_info_says_nothing_of_them():
-    env = VectorEnv(LEVELS, 2, seed=0)
-    assert "trial" not in env.reset()[1] and "new_level" not in env.reset()[1]
 
 
 def test_chosen_levels_begin_a_row_of_trials_in_the_middle_of_another():

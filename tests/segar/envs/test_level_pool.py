@@ -147,10 +147,6 @@ def test_a_snapshot_with_its_pool_and_a_pickle_go_on_to_the_bit():
     assert expected == played(env, 8 * STEPS)
 
 
-def test_results_do_not_depend_on_threads_after_levels_were_replaced():
-    assert played(changed(), 5 * STEPS) == played(changed(num_threads=3), 5 * STEPS)
-
-
 def test_levels_of_one_split_keep_their_origin_and_others_have_none():
     env = make()
     env.replace_levels([0, 1], DIST.sample(10, seed=0)[[8, 9]])

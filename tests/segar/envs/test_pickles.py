@@ -1,6 +1,5 @@
 """Environments, worlds, tasks, rules and distributions that were pickled behave as they did before."""
 
-import copy
 import dataclasses
 import pickle
 import threading
@@ -13,7 +12,7 @@ import pytest
 
 import segar
 from segar import GoalTile, GolfBall, Mass, Position, SetFactor, Velocity
-from segar.envs import Env, VectorEnv
+from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.language import Factors, is_equal
 from segar.observations.composed.stack import Stack
@@ -142,16 +141,6 @@ def test_an_environment_that_was_never_reset_starts_the_same_episodes():
     assert_same(other.reset(), env.reset())
 
 
-def test_a_copy_of_an_environment_goes_its_own_way():
-    env = Env(segar.family("empty-hard").sample(5, seed=0), seed=0)
-    env.action_space.seed(3)
-    env.reset()
-    other = copy.deepcopy(env)
-    expected = trail(copy.deepcopy(env))
-    trail(env, 3)
-    assert_same(trail(other), expected)
-
-
 @pytest.mark.parametrize("context", [pytest.param("fork", marks=pytest.mark.slow), "spawn"])
 def test_environments_run_in_processes_of_their_own(context):
     id_ = "Segar-empty-hard-state-v0"
@@ -200,20 +189,14 @@ def test_worlds_and_tasks_of_closures_behave_as_they_did(way):
 
 
 @WAYS
-@pytest.mark.parametrize("name", ["empty-easy", "tilesx2-medium", "objectsx3-hard", "billiards", "invisiball"])
+@pytest.mark.parametrize("name", ["tilesx2-medium", "objectsx3-hard", "billiards", "own"])
 def test_distributions_sample_the_same_levels(way, name):
-    distribution = segar.family(name)
+    distribution = DISTRIBUTION if name == "own" else segar.family(name)
     other = way.loads(way.dumps(distribution))
     assert other.hash == distribution.hash
+    assert getattr(other.world, "rules", None) == getattr(distribution.world, "rules", None)
     a, b = distribution.sample(20, seed=3), other.sample(20, seed=3)
     assert_same([a.values, a.vertices, a.parameters], [b.values, b.vertices, b.parameters])
-
-
-@WAYS
-def test_a_distribution_with_relations_and_rules_samples_the_same_levels(way):
-    other = way.loads(way.dumps(DISTRIBUTION))
-    assert other.hash == DISTRIBUTION.hash and other.world.rules == DISTRIBUTION.world.rules
-    np.testing.assert_array_equal(other.sample(20, seed=3).values, DISTRIBUTION.sample(20, seed=3).values)
 
 
 def test_what_cannot_be_pickled_is_named_with_what_to_do():
