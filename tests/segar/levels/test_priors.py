@@ -41,12 +41,10 @@ from segar.language import (
     Heat,
     Label,
     Order,
-    Square,
     StoredEnergy,
     Thing,
     is_equal,
 )
-from segar.noise import Bernoulli
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 
@@ -115,13 +113,6 @@ def test_a_prior_for_chargers_leaves_other_objects_alone():
     assert (sizes_of(Charger, priors) == 0.3).all() and (sizes_of(Magnet, priors) == 0.2).all()
 
 
-def test_each_entity_draws_for_itself_once_per_level():
-    levels = LevelDistribution([(Ball, 2)], [ANYWHERE, Prior(Mass, UniformNoise(1.0, 2.0))]).sample(500)
-    a, b = column(levels, "ball1", Mass), column(levels, "ball2", Mass)
-    assert len(np.unique(np.concatenate([a, b]))) == 1000
-    assert abs(np.corrcoef(a, b)[0, 1]) < 0.15
-
-
 def test_a_prior_on_a_factor_reaches_its_sub_classes_and_a_prior_on_those_goes_first():
     numbers = [(Ember, 1), (Oven, 1)]
     levels = LevelDistribution(numbers, [ANYWHERE, Prior(Temperature, 50.0)]).sample(2)
@@ -187,33 +178,6 @@ def test_the_size_of_a_round_object_drives_its_circle_and_that_of_a_tile_follows
     assert np.array_equal(size[:, 0], drawn[:, 0]) and np.ptp(drawn[:, 0]) > 0
     assert (size[:, 1] == 0.4).all() and np.abs(drawn[:, 1] - 0.25).max() < 0.1
     assert (size[:, 2] == 1.0).all() and np.abs(drawn[:, 2] - 0.25).max() < 0.1
-
-
-def test_a_type_that_declares_its_size_gets_that_circle():
-    class BigBall(Object):
-        size: Size = 0.5
-
-    levels = LevelDistribution([(BigBall, 1)]).sample(1)
-    assert levels.values[0, 0, levels.layout.columns[Size]] == 0.5
-
-
-def test_shapes_can_be_chosen_at_random():
-    priors = [
-        ANYWHERE,
-        Prior(Shape, segar.noise.Choice([Circle(0.3), Square(0.5)], [0.25, 0.75]), entity_type=SandTile),
-    ]
-    levels = LevelDistribution([(SandTile, 1)], priors).sample(400)
-    size = levels.values[:, 0, levels.layout.columns[Size]]
-    assert np.array_equal(levels.shape_kind[:, 0] == 1, size == 0.3)
-    assert np.array_equal(levels.vertex_count[:, 0], np.where(size == 0.5, 4, 0))
-    assert 0.65 < (size == 0.5).mean() < 0.85
-
-
-def test_flags_and_counts_take_discrete_distributions():
-    priors = [ANYWHERE, Prior(Mobile, Bernoulli(0.5)), Prior(Order, segar.DiscreteRangeNoise(3, 5))]
-    levels = LevelDistribution([(Ball, 1)], priors).sample(100)
-    assert set(column(levels, "ball", Mobile)) == {0.0, 1.0}
-    assert set(column(levels, "ball", Order)) == {3.0, 4.0, 5.0}
 
 
 def test_priors_for_types_that_are_not_there_are_left_aside():
