@@ -17,11 +17,8 @@ from segar.engine.compiler.kernel import generate
 from segar.engine.compiler.kernel_cache import expected_seconds, load_module
 from segar.engine.simulator import Simulator, StepResult
 from segar.errors import SegarError
-from segar.language.effects import SetFactor
-from segar.language.factors import Mass
-from segar.language.rule_definition import rule
 from segar.levels.named_families import family
-from segar.rules import DEFAULT_RULES, move
+from segar.rules import DEFAULT_RULES
 from segar.rules.world import World
 from segar.support import cache_folder, compiled, is_trusted
 from segar.tasks.puttputt_task import puttputt
@@ -35,26 +32,12 @@ def source(rules, layout=LAYOUT, **task):
     return generate(layout, World(rules), puttputt(**task).functions()).text
 
 
-def shrink_by(rate):
-    def shrink(m: Mass) -> SetFactor[Mass]:
-        return SetFactor[Mass](m, m * rate)
-
-    return rule(shrink)
-
-
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """An empty cache, of which this process remembers nothing."""
     monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setattr(cache, "_loaded", {})
     return tmp_path / "kernels"
-
-
-def test_an_edited_rule_gives_another_source_and_an_equal_one_the_same():
-    assert source([move, shrink_by(0.5)]) == source([move, shrink_by(0.5)])
-    texts = [source([move, shrink_by(rate)]) for rate in (0.5, 0.25)]
-    texts += [source([move]), source([move], impulse=3.0)]
-    assert len(set(texts)) == 4
 
 
 def test_all_difficulties_of_a_family_share_a_source():

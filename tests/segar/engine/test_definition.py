@@ -33,18 +33,6 @@ LEVELS = Levels.from_entities([[GolfBall({Position: (0, 0)}), GoalTile({Position
 # --- what the tracer follows
 
 
-def test_an_if_becomes_a_branch_and_an_early_return_a_leaf():
-    @rule
-    def brake(v: Velocity, a: Acceleration) -> Aggregate[Acceleration]:
-        sliding = v.norm() >= 0.1
-        if not sliding:
-            return None
-        return Aggregate[Acceleration](a, -v)
-
-    leaves = leaves_of(brake.tree)
-    assert sorted(len(leaf.effects) for leaf in leaves) == [0, 1]
-
-
 def test_a_condition_that_is_asked_twice_forks_once():
     @rule
     def twice(m: Mass, q: Charge) -> Tuple[SetFactor[Mass], SetFactor[Charge]]:

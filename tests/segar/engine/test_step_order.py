@@ -3,7 +3,6 @@
 import pytest
 
 from segar.engine.compiler import kernel
-from segar.engine.compiler.kernel import stage_source
 from segar.language import SUB_STEP, Operation, rule
 from segar.language.effects import Differential, SetFactor
 from segar.language.entities import Ball, GoalTile, GolfBall
@@ -11,7 +10,7 @@ from segar.language.factors import Charge, Mass, Position, Velocity
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
 from segar.rules.world import World
-from tests.segar.engine.worlds import after, uncompiled
+from tests.segar.engine.worlds import after
 
 
 def levels() -> Levels:
@@ -29,13 +28,6 @@ def faster(v: Velocity, m: Mass) -> SetFactor[Velocity]:
 
 def go(x: Position, v: Velocity) -> Differential[Position]:
     return Differential[Position](x, v)
-
-
-def test_the_kernel_goes_through_the_stages_in_order():
-    text = uncompiled(World(), levels().layout).source.text
-    body = text[text.index("for _ in range(sub_steps):") :]
-    places = [body.index(stage_source(stage, "may_touch(V, bits, kind, hull_radius)")[0]) for stage in SUB_STEP]
-    assert places == sorted(places) and len(set(places)) == len(SUB_STEP)
 
 
 def test_the_interpreter_reports_rules_in_the_order_of_the_stages():

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode
 
 import segar
 from segar.envs import VectorEnv
@@ -56,56 +55,11 @@ def test_reset_starts_the_levels_that_it_is_told() -> None:
     np.testing.assert_array_equal(info["factors"]["Mass"], np.nan_to_num(start))
 
 
-def test_same_step_autoreset_tells_the_end_of_an_episode_and_the_start_of_the_next() -> None:
-    env = VectorEnv(LEVELS, 32, seed=0, max_steps=7)
-    env.reset()
-    total = np.zeros(32)
-    for _ in range(7):
-        observations, reward, terminated, truncated, info = env.step(np.zeros((32, 2), np.float32))
-        total += np.where(terminated, 0.0, reward)
-    ended = truncated
-    assert ended.sum() >= 28 and np.array_equal(info["_final_info"], terminated | truncated)
-    np.testing.assert_allclose(info["final_info"]["return"][ended], total[ended])
-    assert (info["final_info"]["length"][ended] == 7).all()
-    assert (info["length"][ended] == 0).all() and (info["return"][ended] == 0).all()
-    assert not np.array_equal(info["final_obs"][ended], observations[ended])
-    fresh = VectorEnv(LEVELS, 32).reset(options={"levels": info["level"]})[0]
-    np.testing.assert_array_equal(observations[ended], fresh[ended])
-
-
-def test_time_out_is_truncation_and_arrival_is_termination_and_success() -> None:
-    levels = segar.family("empty-easy").sample(4, seed=0)
-    env = VectorEnv(levels, 4, seed=0, autoreset_mode=AutoresetMode.DISABLED)
-    env.reset()
-    for _ in range(100):
-        _, _, terminated, truncated, info = env.step(np.zeros((4, 2), np.float32))
-    assert truncated.all() and not terminated.any() and not info["success"].any()
-    env.reset()
-    ball, goal = (levels.layout.slot_index(name) for name in ("golfball", "goal"))
-    arrived = np.zeros(4, bool)
-    for _ in range(60):
-        factors = env.factors  # a proportional controller
-        gap = factors["Position"][:, goal] - factors["Position"][:, ball]
-        _, _, terminated, truncated, info = env.step(3 * gap - 0.5 * factors["Velocity"][:, ball])
-        arrived |= terminated & info["success"]
-    assert arrived.all()
-
-
 def test_actions_are_clipped_to_their_range() -> None:
     env = VectorEnv(LEVELS, 2, seed=0)
     env.reset(options={"levels": np.array([3, 3])})
     observations, *_ = env.step(np.array([[1, -1], [7, -50]], np.float32))
     np.testing.assert_array_equal(observations[0], observations[1])
-
-
-def test_levels_with_rules_of_their_own_never_run_on_the_default_ones(tmp_path) -> None:
-    rules = (segar.move, segar.rules.accelerate)
-    levels = segar.family("empty-hard").with_rules(rules).sample(3, seed=0)
-    levels.save(tmp_path / "levels.npz")
-    with pytest.raises(segar.errors.LevelError, match=r"saved with rules of their own \(move"):
-        VectorEnv(segar.Levels.load(tmp_path / "levels.npz"), 2)
-    again = segar.Levels.load(tmp_path / "levels.npz", world=segar.World(rules=rules))
-    assert same(roll(VectorEnv(levels, 2), 10), roll(VectorEnv(again, 2), 10))
 
 
 @pytest.mark.parametrize("name", ["empty-hard", "objectsx3-hard", "tilesx3-hard", "puttputt"])

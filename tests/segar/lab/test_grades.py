@@ -99,9 +99,7 @@ BAD_LAWS = [
     ({"options": {"drag": {}}}, "'law.options.drag.drag_coefficient' is absent"),
     ({"options": {"drag": {"drag_coefficient": 1.0, "mass": 1.0}}}, "'law.options.drag.mass' is not known"),
     ({"options": {"drag": {"drag_coefficient": "1"}}}, "'law.options.drag.drag_coefficient' must be float, not '1'"),
-    ({"options": {"drag": {"drag_coefficient": float("nan")}}}, "drag_coefficient' must be float, not nan"),
     ({"options": {"drag": {"drag_coefficient": 2.5}}}, "drag_coefficient' is 2.5, and must be from 0.25 to 2"),
-    ({"options": {}, "why": 1}, "'law.why' is not known"),
     ({"code": "import os"}, "'law.code': this lab does not trust code"),
 ]  # fmt: skip
 

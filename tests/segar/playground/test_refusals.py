@@ -9,7 +9,7 @@ import pytest
 import segar
 from segar.engine import Given, Rows, call_of
 from segar.errors import LevelError, SegarError
-from segar.observations import OneOf, StateVector
+from segar.observations import StateVector
 from segar.playground import make_playground
 from segar.policies import NetworkPolicy
 from tests.segar.engine.targets.functions import foreign
@@ -41,10 +41,6 @@ class Foreign(Seen):
 def refused(match: str, *arguments: Any, error: type[Exception] = SegarError, **options: Any) -> None:
     with pytest.raises(error, match=match):
         make_playground(*(arguments or (LEVELS,)), **options)
-
-
-def test_observations_without_a_compiled_form_are_named() -> None:
-    refused(r"BoundOneOf has no compiled form for other targets.*calls\(when\)", observations=[OneOf(["rgb"])])
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Frames of environments: where things are, what can be told from them, and that they follow from the state alone."""
 
-import gymnasium
 import numpy as np
 import pytest
 
@@ -161,16 +160,3 @@ def test_what_cannot_be_drawn_is_refused_and_frames_come_in_time_with_the_simula
     ):
         with pytest.raises(segar.SegarError, match=r"reset\(\) before render"):
             env.render()
-
-
-def test_make_vec_gives_frames_of_all_environments():
-    env = gymnasium.make_vec(
-        "Segar-empty-hard-state-v0",
-        num_envs=2,
-        vectorization_mode="vector_entry_point",
-        render_mode="rgb_array",
-        view=View(size=64),
-    )
-    env.reset(seed=0)
-    frames = env.render()
-    assert isinstance(frames, tuple) and [frame.shape for frame in frames] == [(64, 64, 3)] * 2

@@ -237,7 +237,6 @@ def test_a_touch_sets_what_is_immobile_free_and_what_hides_is_never_seen():
             lambda: templates.switch("switch", SandTile, Mobile, Choice([0.0, 0.5])),
             "sets Mobile to numbers from 0 to 0.5",
         ),
-        (lambda: templates.growth("growth", Mobile), "takes factors that are real numbers"),
         (lambda: templates.sharing("sharing", Mobile), "takes factors that are real numbers"),
         (lambda: templates.drifting("drift", Ball), "is no type of tiles"),
         (lambda: templates.hiding("hidden", "GoalTile"), "'GoalTile' is no type of tiles"),

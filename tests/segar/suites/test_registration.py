@@ -46,19 +46,6 @@ def test_hidden_factors_are_not_observed_and_textures_are_those_of_the_side():
     assert not np.array_equal(*frames)
 
 
-def test_two_versions_of_a_suite_are_two_questions():
-    made = {"suite_name": "place-between-v1", "side": "test", "observation": "state"}
-    entry = gymnasium.registry["Segar/place-between-v1-test-state"]
-    gymnasium.register("Segar/place-between-v2-test-state", entry_point=entry.entry_point, kwargs=made)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            for version in (1, 2):
-                gymnasium.make(f"Segar/place-between-v{version}-test-state", num_levels=2)
-    finally:
-        del gymnasium.registry["Segar/place-between-v2-test-state"]
-
-
 def test_wrong_arguments_are_told():
     with pytest.raises(SuiteError, match=r"look-far-v1 shows the set of textures.*'state' does not; choose rgb"):
         gymnasium.make("Segar/look-far-v1-test-state")

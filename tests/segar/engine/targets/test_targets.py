@@ -14,11 +14,11 @@ from segar.engine.compiler.kernel import CONFLICT
 from segar.engine.targets import build, numba_ir
 from segar.engine.targets.build import COMPILED
 from segar.engine.targets.wasm_linker import leb, link, padded, signed_leb
-from segar.envs import VectorEnv, build_environment, environment_calls
+from segar.envs import VectorEnv, build_environment
 from segar.errors import ConflictError, RuleError, SegarError
 from segar.language import Ball, Charge, GoalTile, GolfBall, Position
 from segar.levels import TASK_LEVELS, families
-from segar.observations import OneOf, Pixels, PreviousActions, PreviousStep, Stack
+from segar.observations import OneOf, Pixels, PreviousActions, Stack
 from tests.places import ROOT
 from tests.segar.engine.random_rules import mixed_levels, worlds_of_random_rules
 from tests.segar.engine.targets.functions import doubled, foreign
@@ -116,11 +116,6 @@ def test_trials_agree(target):
     env = environment("objectsx3-hard", "state", trials=3)
     play(env, target, 60, np.random.default_rng(3))
     assert {*(env.state().episodes % 3)} == {0, 1, 2}
-
-
-def test_what_has_no_compiled_form_is_refused():
-    with pytest.raises(segar.SegarError, match="BoundPreviousStep has no compiled form"):
-        environment_calls(environment("empty-hard", {"past": PreviousStep()}))
 
 
 def test_every_sub_step_agrees_without_the_task():
