@@ -136,7 +136,6 @@ def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, flight):
     levels, base = field.sample(3), ("my_field:field", "-n", 3, "--policy", run)
     found = page(capsys, *base)
     assert found == make_playground(levels, policy=player, observations={"state": seen}, task=task).html
-    assert found != make_playground(levels, policy=player, observations={"state": seen}).html
     (run / "config.yaml").write_text(
         "observation: {name: my_lab.seeing:look}\ntask: {name: 'my_field:landing', options: {max_steps: 9}}\n"
     )
@@ -170,7 +169,6 @@ def test_probes_of_a_run_are_in_its_page(capsys, run, flight):
     base = ("my_field:field", "-n", 3, "--policy", run)
     made = page(capsys, *base)
     assert made == make_playground(levels, probes=found.probes, **options).html
-    assert made != make_playground(levels, **options).html
     base += ("-o", "page.html")
     pd.DataFrame(rows, columns=columns).drop(columns="low").to_parquet(run / "probes.parquet")
     assert "cannot read the table of probes" in refused(capsys, *base)

@@ -311,19 +311,8 @@ def test_the_command_records_and_checks(capsys):
 
 
 def test_the_command_checks_a_world_and_a_task_of_ones_own(capsys):
-    command = [
-        "record",
-        "tests.raft:calm",
-        "-o",
-        "raft/calm-v0",
-        "-n",
-        "2",
-        "--episodes",
-        "2",
-        "--observation",
-        "state",
-    ]
-    assert cli.main([*command, "--check", "--json"]) == 0
+    command = "record tests.raft:calm -o raft/calm-v0 -n 2 --episodes 2 --observation state --check --json"
+    assert cli.main(command.split()) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["steps"] == answer["steps_replayed"]
 

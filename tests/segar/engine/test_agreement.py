@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import segar.language.random
-from segar.engine.simulator import State, StepResult
+from segar.engine.simulator import Simulator, State, StepResult
 from segar.errors import ConflictError, RuleError
 from segar.language.effects import Differential, SetFactor
 from segar.language.entities import GoalTile, GolfBall, Object
@@ -22,6 +22,8 @@ from segar.language.values import VectorValue as Vector
 from segar.rules import DEFAULT_RULES
 from segar.rules.world import World
 from tests.segar.engine.random_rules import Author, mixed_levels
+from tests.segar.engine.test_mathematics_in_rules import LEVELS as EMPTY
+from tests.segar.engine.test_mathematics_in_rules import mix
 from tests.segar.engine.worlds import Disagreement, compare, random_states, start, uncompiled
 
 MIXED = mixed_levels(np.random.default_rng(0))
@@ -117,9 +119,10 @@ def test_worlds_without_a_contact_rule_agree(part):
     accept(compare(simulator, MIXED, random_states(MIXED, 15, np.random.default_rng(6), speed=3.0)))
 
 
-def test_a_step_depends_on_nothing_but_the_state_its_level_and_its_key(mixed, eager_threads):
-    """Batch size, place in the batch and number of threads change no bit, random rules included."""
-    simulator, levels = mixed
+@pytest.mark.parametrize("name", ["objectsx3-hard", "drawn"])
+def test_a_step_depends_on_nothing_but_the_state_its_level_and_its_key(sampled, name, eager_threads):
+    """Batch size, place in the batch and number of threads change no bit, of rules that draw numbers neither."""
+    simulator, levels = (Simulator(World((mix,)), EMPTY.layout), EMPTY) if name == "drawn" else sampled(name)
     whole = random_states(levels, 64, np.random.default_rng(7))
     turned = State(**{name: array[::-1].copy() for name, array in vars(whole).items()})
     one = State(**{name: array[5:6].copy() for name, array in vars(whole).items()})

@@ -424,16 +424,6 @@ def test_a_task_whose_entities_are_missing_is_refused():
     with pytest.raises(RuleError, match=r"push .*the task's action changes no entity .* only Ball, GlobalFriction"):
         build([move], levels)
 
-    def nudge(body: Entity, action: Action) -> Differential[Velocity]:
-        return Differential[Velocity](body[Velocity], action[0])
-
-    def reward(ball: GolfBall) -> float:
-        return ball[Mass]
-
-    task = Task("nudge", nudge, reward, action_low=(0.0,), action_high=(1.0,))
-    with pytest.raises(RuleError, match=r"reward .*the task needs GolfBall, but the levels have only Ball"):
-        build([move], levels, task)
-
 
 def test_levels_of_another_distribution_are_refused():
     other = Levels.from_entities([[GolfBall(), GoalTile({Position: (0.8, 0.8)})]])

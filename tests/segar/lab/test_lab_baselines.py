@@ -25,17 +25,7 @@ def small(monkeypatch):
 
 def test_the_command_writes_a_table_goes_on_with_it_and_draws_it(tmp_path, capsys):
     table, figure = tmp_path / "grades.csv", tmp_path / "grades.png"
-    call = [
-        "lab",
-        "baselines",
-        "--world",
-        "tests.segar.lab.conftest:SPACE",
-        "--budgets",
-        "40",
-        "--json",
-        "-o",
-        str(table),
-    ]
+    call = f"lab baselines --world tests.segar.lab.conftest:SPACE --budgets 40 --json -o {table}".split()
     assert cli.main([*call, "--worlds", "1"]) == 0
     first, said = table.read_text(), json.loads(capsys.readouterr().out)
     assert [row["baseline"] for row in said["means"]] == list(baselines.BASELINES)

@@ -152,8 +152,6 @@ def test_the_limit_of_files_is_set_by_an_environment_variable(saved, monkeypatch
     ("factor", "value", "message"),
     [
         (segar.Mass, -1.0, "Mass of 'golfball' is -1 and must be a number that is not negative, at most 1e"),
-        (segar.Mass, np.inf, "Mass of 'golfball' is inf and must be"),
-        (segar.Size, 0.0, "Size of 'golfball' is 0 and must be a positive number"),
         (segar.Position, np.nan, "Position of 'golfball' is nan, nan and must be a finite number"),
         (segar.language.Order, 0.5, "Order of 'golfball' is 0.5 and must be a whole number"),
     ],
@@ -174,12 +172,6 @@ def test_the_bounds_that_a_factor_declares_hold_for_levels_made_by_hand():
 
     with pytest.raises(LevelError, match=r"level 1: Fuel of 'object' is 2 and must be a finite number from 0 to 1"):
         Levels.from_entities([[Rocket()], [Rocket({Fuel: 2.0})]])
-
-
-def test_no_prior_draws_a_negative_mass():
-    law = segar.LevelDistribution([(segar.GolfBall, 1)], [segar.Prior(segar.Mass, segar.GaussianNoise(0.0, 1.0))])
-    with pytest.raises(segar.errors.PriorError, match="which Mass cannot be: it must be a number that is not negative"):
-        law.sample(50, seed=0)
 
 
 @pytest.mark.parametrize("kind", ["json", "npz"])

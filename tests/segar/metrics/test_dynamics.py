@@ -280,5 +280,3 @@ def test_what_cannot_be_compared_is_refused():
     for wrong in (1, 2.5):
         with pytest.raises(LevelError, match=f"dynamics_w2 needs at least 2 resamples, not {wrong}"):
             dynamics_w2(still, still, there, rng=np.random.default_rng(0), resamples=wrong)
-    with pytest.raises(LevelError, match="no entity here has the factor Turn"):
-        situations(small(2), factors=[Turn])

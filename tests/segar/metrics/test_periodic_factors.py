@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import GoalTile, GolfBall, LevelDistribution, Levels, Position, Prior, UniformNoise
+from segar import GoalTile, GolfBall, LevelDistribution, Levels, Position, Prior
 from segar.errors import FactorError
 from segar.language.parameters import Parameter
 from segar.metrics import decompose, embed, ks, ks_by_factor, ks_report, mmd_test, sample_entropy, spread, w2
@@ -90,16 +90,6 @@ def test_a_sample_is_near_its_distribution_wherever_the_distribution_is_cut():
         ks_report(distribution(0.0).sample(100), distribution(1.0), rng=np.random.default_rng(0)).factors[0].name
         == "Arrow.Heading"
     )
-
-
-def test_a_uniform_heading_may_be_said_in_either_turn():
-    one, other = (
-        LevelDistribution(
-            [(Arrow, 1)], [Prior(Position, segar.RandomUniformLocation()), Prior(Heading, UniformNoise(*ends))]
-        )
-        for ends in ((0.0, math.tau), (-math.pi, math.pi))
-    )
-    assert ks(one, other) < 1e-9
 
 
 @pytest.mark.parametrize("options", [{"base": segar.Scalar, "period": -1.0}, {"base": segar.Vector, "period": 1.0}])

@@ -18,7 +18,7 @@ from segar.envs import VectorEnv, build_environment
 from segar.errors import ConflictError, RuleError, SegarError
 from segar.language import Ball, Charge, GoalTile, GolfBall, Position
 from segar.levels import TASK_LEVELS, families
-from segar.observations import OneOf, Pixels, PreviousActions, Stack
+from segar.observations import OneOf, Stack
 from tests.places import ROOT
 from tests.segar.engine.random_rules import mixed_levels, worlds_of_random_rules
 from tests.segar.engine.targets.functions import doubled, foreign
@@ -54,9 +54,9 @@ def play(env: VectorEnv, target: str, steps: int, rng: np.random.Generator) -> T
     return twin
 
 
-def environment(name: str, observation: Any, count: int = 20, trials: int = 1) -> VectorEnv:
+def environment(name: str, observation: Any, count: int = 20) -> VectorEnv:
     levels = segar.family(name).sample(count, seed=4)
-    return VectorEnv(levels, count, observation=observation, seed=SEED, autoreset_mode="Disabled", trials=trials)
+    return VectorEnv(levels, count, observation=observation, seed=SEED, autoreset_mode="Disabled")
 
 
 def test_a_world_plays_to_the_bit_in_wasm():
@@ -82,40 +82,6 @@ def test_every_named_world_plays_to_the_bit_in_wasm_and_is_small(name, observati
 )
 def test_a_world_plays_to_the_bit_on_aarch64(name):
     play(environment(name, "rgb"), "aarch64", 200, np.random.default_rng(4))
-
-
-PAST: dict[str, Any] = {
-    "rgb_stack2": "rgb_stack2",
-    "textures_stack4": "textures_stack4",
-    "state": Stack("state", 3),
-    "planes": Stack(Pixels(32, channels="first"), 3),
-    "stack of a stack": Stack(Stack(Pixels(32), 2), 2),
-    "several": {
-        "look": (Stack("state", 3), Pixels(32)),
-        "small": Pixels(36, grey=True),
-        "past": (PreviousActions(2), Stack(PreviousActions(), 2)),
-    },
-}
-
-
-@pytest.mark.slow  # pages and the stub of a GPU show the past in tests that are quick
-@pytest.mark.parametrize(
-    "target, name",
-    [
-        *(("wasm", name) for name in PAST if name != "state"),
-        *(("native", name) for name in ("state", "stack of a stack", "several")),
-    ],
-)
-def test_what_observations_show_of_the_past_agrees(target, name):
-    play(environment("objectsx3-hard", PAST[name]), target, 30, np.random.default_rng(2))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("target", QUICK)
-def test_trials_agree(target):
-    env = environment("objectsx3-hard", "state", trials=3)
-    play(env, target, 60, np.random.default_rng(3))
-    assert {*(env.state().episodes % 3)} == {0, 1, 2}
 
 
 def test_every_sub_step_agrees_without_the_task():
