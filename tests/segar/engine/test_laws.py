@@ -88,22 +88,6 @@ def test_friction_stops_a_ball_at_half_mass_speed_squared_over_mu_g_and_for_good
     assert np.array_equal(x[:, 0], rest)
 
 
-def test_smaller_time_steps_converge_to_the_stopping_distance(table):
-    simulator, levels = table
-    rates = np.array([50.0, 100.0, 200.0, 400.0])
-    levels = with_parameters(levels, 4, Framerate=rates)
-    state = start(levels)
-    set_factor(state, levels, Charge, 0.0)
-    x, v = read(state, levels, Position), read(state, levels, Velocity)
-    v[:, 0] = (-0.55, -0.55)
-    read(state, levels, Position)[:, 2:5] += (0.0, 0.3)
-    for e, rate in enumerate(rates):
-        one = State(**{name: array[e : e + 1] for name, array in vars(state).items()})
-        simulator.step(one, levels, int(2 * rate))
-    errors = np.abs(np.linalg.norm(x[:, 0], axis=1) - 0.605 / (2 * 0.05 * 10))
-    assert np.all(errors[1:] < 0.6 * errors[:-1])
-
-
 def test_nothing_is_faster_than_the_largest_speed(table):
     simulator, levels = table
     levels = with_parameters(levels, 100, MaxVelocity=np.linspace(0.1, 20, 100))

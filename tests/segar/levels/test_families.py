@@ -6,19 +6,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    Ball,
-    Charge,
-    Levels,
-    Mass,
-    Mobile,
-    Object,
-    Position,
-    SandTile,
-    Size,
-    Tile,
-    family,
-)
+from segar import Charge, Levels, Mass, Mobile, Position, Size, family
 from segar.errors import LevelError
 from segar.language import Heat, Order
 from segar.language.shapes import CIRCLE
@@ -26,12 +14,6 @@ from tests.places import TESTS
 
 HASHES = TESTS / "data/family_hashes.json"
 every_family = pytest.mark.parametrize("name", segar.families())
-QUARTERS = {"whole": (-0.95, 0.95), "low": (-0.95, -0.475), "middle": (-0.475, 0.475), "high": (0.475, 0.95)}
-PLACES = {
-    "easy": {"golfball": None, "goal": ("high", "high"), "others": ("whole", "high")},
-    "medium": {"golfball": ("whole", "low"), "goal": ("whole", "high"), "others": ("middle", "middle")},
-    "hard": {"golfball": ("whole", "whole"), "goal": ("whole", "whole"), "others": ("whole", "whole")},
-}
 
 
 def drawn(levels: Levels, slot: int, factor: type) -> np.ndarray:
@@ -46,18 +28,6 @@ def test_the_content_hash_of_a_named_distribution_stays(name, content_hash):
 
 
 @every_family
-def test_things_start_where_the_difficulty_says(name):
-    levels = family(name).sample(400)
-    for slot, entity in enumerate(levels.layout.names[:-1]):
-        place = PLACES[name.split("-")[1]].get(entity, PLACES[name.split("-")[1]]["others"])
-        x = drawn(levels, slot, Position)
-        for axis in range(2):
-            low, high = (0.0, 0.0) if entity == "golfball" and place is None else QUARTERS[place[axis]]
-            assert low <= x[:, axis].min() and x[:, axis].max() <= high
-            assert np.ptp(x[:, axis]) >= 0.97 * (high - low)
-
-
-@every_family
 def test_the_ball_and_the_goal_are_those_of_the_paper(name):
     levels = family(name).sample(50)
     assert (levels.values[:, 1, levels.layout.columns[Size]] == 0.4).all() and (levels.shape_kind[:, 1] == CIRCLE).all()
@@ -66,18 +36,6 @@ def test_the_ball_and_the_goal_are_those_of_the_paper(name):
     assert (drawn(levels, 0, Mobile) == 1).all()
     if not (name.startswith("objects") and name.endswith("hard")):
         assert (drawn(levels, 0, Size) == 0.2).all()
-
-
-def test_the_listing_of_the_paper_is_a_family():
-    levels = family("puttputt").sample(1000)
-    layout = levels.layout
-    objects = (levels.types[:, :2] >= 0).sum(axis=1)
-    assert set(objects) == {1, 2} and 0.45 < (objects == 1).mean() < 0.55
-    sand = np.mean([levels.types[:, 2] == layout.types.index(SandTile)])
-    assert 0.36 < sand < 0.44
-    mobile = drawn(levels, 0, Mobile) == 1
-    assert np.array_equal(mobile, levels.types[:, 0] == layout.types.index(Ball))
-    assert all(issubclass(t, (Object, Tile)) for t in layout.types[:-1])
 
 
 @pytest.mark.parametrize(
@@ -94,5 +52,7 @@ def test_hazard_tiles_burn_and_their_goal_does_not(name):
     assert (drawn(levels, 1, Heat) == 0).all()
     tiles = np.stack([drawn(levels, slot, Heat) for slot in range(2, len(levels.layout.slots) - 1)])
     assert (tiles >= 0.4).all()
-    twin = family(name.removeprefix("hazard")).sample(200)
-    assert (drawn(twin, 1, Heat) >= 0.4).all()
+    twin = family(name.removeprefix("hazard"))
+    assert (drawn(twin.sample(200), 1, Heat) >= 0.4).all()
+    places = [[laws.get(Position) for laws in one.marginals().values()] for one in (family(name), twin)]
+    assert places[0] == places[1]

@@ -12,9 +12,7 @@ import segar
 from segar import (
     Ball,
     Charge,
-    Charger,
     Circle,
-    DiscreteRangeNoise,
     Friction,
     GoalTile,
     GolfBall,
@@ -30,7 +28,6 @@ from segar import (
     SandTile,
     Shape,
     Size,
-    ThingFactory,
     UniformNoise,
     Velocity,
     family,
@@ -70,12 +67,6 @@ def test_train_never_meets_test_and_seeds_differ(name):
     assert len(np.unique(goal)) == len(goal)
 
 
-def test_another_distribution_draws_other_levels_from_the_same_seed():
-    easy = LevelDistribution([(Ball, 1)], [ANYWHERE]).sample(5)
-    hard = LevelDistribution([(Ball, 1)], [ANYWHERE, Prior(Mass, 2.0)]).sample(5)
-    assert not np.array_equal(positions(easy), positions(hard))
-
-
 def test_the_hash_follows_content_not_name_or_rules():
     dist = family("objectsx1-hard")
     assert dataclasses.replace(dist, name="other").hash == dist.hash == dist.with_rules(segar.DEFAULT_RULES[:3]).hash
@@ -98,14 +89,6 @@ def test_other_rules_keep_the_levels():
 
 
 @some_families
-def test_centres_are_drawn_more_than_a_tenth_apart(name):
-    place = positions(family(name).sample(300), "sampled_values")
-    apart = np.sqrt(((place[:, :, None] - place[:, None]) ** 2).sum(-1))
-    apart[:, np.arange(place.shape[1]), np.arange(place.shape[1])] = np.inf
-    assert np.nanmin(apart) > 0.1
-
-
-@some_families
 def test_nothing_starts_in_a_wall_and_no_two_objects_overlap(name):
     levels = family(name).sample(300)
     layout, place = levels.layout, positions(levels)
@@ -123,28 +106,11 @@ def test_nothing_starts_in_a_wall_and_no_two_objects_overlap(name):
             assert (distance > (size[both, i] + size[both, j]) / 2).all()
 
 
-def test_what_neither_overlaps_nor_touches_a_wall_stays_where_it_was_drawn():
-    levels = family("objectsx3-hard").sample(500)
-    before, after = positions(levels, "sampled_values"), positions(levels)
-    moved = np.nan_to_num(np.abs(before - after)).max(axis=(1, 2))
-    assert 0.2 < (moved == 0).mean() < 0.8
-    assert moved.max() < 0.5  # apart by the penetration, not by the sum of both radii
-
-
 def test_two_overlapping_objects_part_by_their_penetration():
     levels = Levels.from_entities(
         [[Ball({Position: [0.0, 0.0], Size: 0.2}), Ball({Position: [0.12, 0.0], Size: 0.2})]], fix_overlaps=True
     )
     assert np.allclose(positions(levels)[0, :2], [[-0.04, 0.0], [0.16, 0.0]], atol=1e-6)
-
-
-def test_placing_anew_leaves_all_other_distributions_alone():
-    numbers = [(Ball, 1), (ThingFactory([Charger, Marble]), DiscreteRangeNoise(1, 8))]
-    crowded = LevelDistribution(
-        numbers, [Prior(Position, segar.RandomMiddleLocation()), Prior(Size, 0.01), Prior(Mass, UniformNoise(1.0, 2.0))]
-    ).sample(4000)
-    count = (crowded.types[:, 1:-1] >= 0).sum(axis=1)
-    assert np.abs(np.bincount(count, minlength=9)[1:] / 4000 - 1 / 8).max() < 0.025
 
 
 def test_fixed_positions_are_kept_and_the_rest_is_drawn():

@@ -6,17 +6,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    Ball,
-    Differential,
-    GoalTile,
-    GolfBall,
-    Gravity,
-    Levels,
-    Mass,
-    Position,
-    Velocity,
-)
+from segar import Ball, Differential, GoalTile, GolfBall, Gravity, Levels, Mass, Position, Velocity
 from segar.errors import LevelError, SegarError
 from segar.hardness import Situations, make_situations
 from segar.language import Acceleration, Alive, FloorFriction, MinVelocity

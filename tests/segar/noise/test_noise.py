@@ -153,19 +153,6 @@ def test_continuous_distributions_agree_with_scipy(distribution, oracle):
     )
 
 
-def test_a_clipped_gaussian_has_its_atoms_at_the_ends():
-    distribution = sn.GaussianNoise(0.2, 0.1, clip=(0.1, 0.3))
-    tail = stats.norm.cdf(-1.0)
-    assert distribution.cdf(0.2) == 0.5
-    assert np.allclose(
-        distribution.cdf([0.0999, 0.1, 0.25, 0.2999999, 0.3, 9.0]), [0, tail, stats.norm.cdf(0.5), 1 - tail, 1, 1]
-    )
-    assert np.allclose(distribution.pmf([0.1, 0.2, 0.3]), [tail, 0.0, tail])
-    assert distribution.log_prob(0.1) == pytest.approx(math.log(tail))
-    assert distribution.log_prob(0.05) == -math.inf
-    assert isinstance(float(distribution.cdf(0.2)), float) and distribution.cdf(np.zeros((2, 3))).shape == (2, 3)
-
-
 @pytest.mark.parametrize(
     ("a", "b"),
     list(itertools.combinations([*LINE[:3], *LINE[5:10], LINE[13], LINE[14], LINE[19], LINE[-1]], 2)),

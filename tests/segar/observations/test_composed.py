@@ -107,34 +107,6 @@ def test_a_masked_reset_starts_the_masked_and_changes_nothing_of_the_others(obse
     assert (info["length"] == np.where(mask, 0, 4)).all()
 
 
-@pytest.mark.parametrize(
-    ("observation", "axis"),
-    [("state", 1), ("rgb", -1), (StateVector(form="table", factors=[Mass, Charge], types=False), 1),
-     (Pixels(grey=True), -1), (Pixels(channels="first"), 1), ("textures", -1), (OneOf(["rgb", RED]), -1)],
-)  # fmt: skip
-@pytest.mark.parametrize(("n", "copy"), [(1, True), (2, False), (4, True)])
-def test_a_stack_is_the_last_n_observations_and_starts_with_the_first_one_n_times(
-    observation, axis, n, copy, monkeypatch
-):
-    monkeypatch.setattr(
-        "segar.observations.composed.stack.TAPE", 7
-    )  # all is moved back to the start of the tape some times
-    plain = VectorEnv(LEVELS, 9, observation=observation, seed=3, max_steps=MAX_STEPS)
-    stacked = VectorEnv(LEVELS, 9, observation=Stack(observation, n), seed=3, max_steps=MAX_STEPS, copy=copy)
-    frames = [plain.reset()[0]] * n
-    assert np.array_equal(stacked.reset()[0], np.concatenate(frames, axis))
-    for step in range(STEPS):
-        frame, *_, info = plain.step(actions(step, 9))
-        observed, *_, stacked_info = stacked.step(actions(step, 9))
-        ended = info.get("_final_obs", np.zeros(9, bool))
-        if ended.any():
-            last = np.concatenate([*frames[1:], info["final_obs"]], axis)
-            assert np.array_equal(stacked_info["final_obs"][ended], last[ended])
-        starts = ended.reshape(-1, *[1] * (frame.ndim - 1))
-        frames = [np.where(starts, frame, older) for older in [*frames[1:], frame]]
-        assert np.array_equal(observed, np.concatenate(frames, axis))
-
-
 class Noise:
     """A bound observation that shows what it is told."""
 

@@ -54,13 +54,6 @@ def test_normals_are_gaussian_and_finite():
     assert stats.kstest(z, "norm").pvalue > 1e-3
 
 
-def test_every_bit_of_the_uniforms_is_fair():
-    u = LevelGenerator(9, np.arange(50_000)).random(50_000)
-    whole = (u * 2**53).astype(np.uint64)
-    ones = np.array([((whole >> np.uint64(bit)) & np.uint64(1)).mean() for bit in range(53)])
-    assert np.abs(ones - 0.5).max() < 5 * 0.5 / np.sqrt(50_000)
-
-
 @pytest.mark.parametrize(
     "other",
     [

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Ball, Charge, Levels, Mass, Position, RuleError, SegarError, Size, Velocity, World
+from segar import Charge, Levels, Mass, Position, RuleError, SegarError, Size, Velocity, World
 from segar.engine import Simulator
 from segar.envs import VectorEnv
-from segar.language import Alive, CueBall, Done, Hole, Visible
+from segar.language import Alive, Done, Visible
 from segar.tasks import billiards
 from tests.agreement.replay import folder, recordings
 from tests.segar.engine.worlds import compare, random_states, uncompiled
@@ -42,13 +42,6 @@ STILL = np.zeros((4, 2), np.float32)
 FIRST = np.array([True, False, False, False])
 
 
-def test_the_table_has_a_cue_ball_ten_balls_and_four_pockets():
-    balls, holes = (f"ball{k}" for k in range(1, 11)), (f"hole{k}" for k in range(1, 5))
-    assert LAYOUT.names == ("cueball", *balls, *holes, "global_friction")
-    kinds = [LAYOUT.types[t] for t in TABLES.types[0, :-1]]
-    assert kinds == [CueBall] + [Ball] * 10 + [Hole] * 4
-
-
 def test_the_table_is_the_one_that_was_recorded_in_2022():
     for recording in recordings(folder() / "billiards.npz"):
         ids, meta = recording.meta["ids"], recording.meta["entities"]
@@ -63,15 +56,6 @@ def test_the_table_is_the_one_that_was_recorded_in_2022():
         cue = meta[ids.index("cueball")]["factors"]
         assert (cue["Mass"], cue["Charge"]) == (drawn(Mass)[0, CUE], drawn(Charge)[0, CUE])
         assert 0.1 <= cue["Size"] <= 0.3 and -0.95 <= cue["Position"][1] <= -0.475
-
-
-def test_the_cue_ball_lies_below_the_rack_and_in_no_pocket():
-    levels = segar.family("billiards").sample(2000, seed=1)
-    x = drawn(Position, levels)
-    assert levels.sampled_values[:, CUE, LAYOUT.columns[Position] + 1].max() <= -0.475
-    assert np.linalg.norm(x[:, POCKETS] - x[:, [CUE]], axis=-1).min() > 0.05
-    size = drawn(Size, levels)[:, CUE]
-    assert size.mean() == pytest.approx(0.2, abs=0.001) and size.std() == pytest.approx(0.01, rel=0.1)
 
 
 def test_the_reward_is_minus_the_squared_distances_of_the_balls_to_their_nearest_pockets():

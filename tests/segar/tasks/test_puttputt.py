@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Levels, Position, Velocity
+from segar import Position, Velocity
 from segar.envs import Env, VectorEnv
 from segar.tasks.puttputt_task import demo_actions
 from tests.segar.tasks.play import at_random, by_script, episodes
@@ -92,10 +92,3 @@ def test_with_a_goal_speed_a_fast_ball_rolls_over_the_goal():
     _, _, terminated, _, info = env.step(np.zeros((2, 2), np.float32))
     assert terminated.tolist() == info["success"].tolist() == [False, True]
     assert (env.task.results_of(env.factors)["distance_to_goal"] <= 0.01).all()
-
-
-def test_levels_of_puttputt_made_by_hand_have_results_too():
-    made = Levels.from_entities([[segar.GolfBall({Position: [0, 0]}), segar.GoalTile({Position: [0.5, 0]})]])
-    env = VectorEnv(made, 1, seed=0)
-    env.reset(seed=0)
-    assert env.task.results_of(env.factors)["distance_to_goal"][0] == pytest.approx(0.5 / 8**0.5)
