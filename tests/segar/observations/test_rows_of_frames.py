@@ -35,23 +35,9 @@ def test_rows_have_the_bytes_of_whole_frames(kind):
     painted, chosen = drawing._backgrounds.copy(), np.empty(entities, np.int64)
     drawing._backgrounds[:] = 7
     rows = np.random.default_rng(0).permutation(count * canvas.resolution)  # each by itself, in any order
-    paint_rows(
-        np.asfortranarray(values), level, rows, geometry, canvas, drawing.texels, drawing.floor, drawing._floors,
-        drawing._backgrounds, chosen,
-    )  # fmt: skip
+    columns, how = np.asfortranarray(values), (geometry, canvas, drawing.texels)
+    paint_rows(columns, level, rows, *how, drawing.floor, drawing._floors, drawing._backgrounds, chosen)
     assert np.array_equal(painted, drawing._backgrounds)
     found = np.full(frames.size, 7, np.uint8)
-    stride = frames[0].size
-    draw_rows(
-        np.asfortranarray(values),
-        level,
-        rows,
-        geometry,
-        canvas,
-        drawing.texels,
-        drawing._backgrounds,
-        found,
-        stride,
-        chosen,
-    )
+    draw_rows(columns, level, rows, *how, drawing._backgrounds, found, frames[0].size, chosen)
     assert np.array_equal(frames.reshape(-1), found) and len(np.unique(frames)) > 5

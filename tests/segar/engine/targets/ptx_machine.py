@@ -8,7 +8,7 @@ each thread, so that a kernel that reads what it never wrote gives other results
 import ctypes
 import platform
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -278,8 +278,9 @@ class _Translation:
         if parts[0] in ("bra", "ret", "exit") and len(parts) == (2 if parts[-1] == "uni" else 1):
             self.emit(f'br label %"{operands[0]}"' if parts[0] == "bra" else "ret void")
         else:
-            method: Callable[..., Any] | None = getattr(self, f"do_{parts[0]}", None)
-            if method is None or method(parts, operands) is NotImplemented:
+            try:
+                getattr(self, f"do_{parts[0]}")(parts, operands)
+            except (AttributeError, NotImplementedError):
                 self.unknown(line)
             if label:
                 self.emit(f"br label %{label}")
@@ -311,38 +312,39 @@ class _Translation:
     def do_cvta(self, parts: list[str], operands: list[str]) -> None:
         self.put(operands[0], self.get(operands[1], 64), 64)  # all memory has one kind of address here
 
-    def do_ld(self, parts: list[str], operands: list[str]) -> Any:
+    def do_ld(self, parts: list[str], operands: list[str]) -> None:
         kind, space = parts[-1], parts[1:-1]
         if space == ["param"]:
             match = re.fullmatch(rf"\[{re.escape(self.name)}_param_(\d+)\]", operands[1])
             if match is None or WIDTHS[kind] != 64:
-                return NotImplemented
+                raise NotImplementedError
             place = self.new(f"getelementptr i64, ptr %words, i64 {match[1]}")
             self.put(operands[0], self.new(f"load i64, ptr {place}"), 64)
-            return None
+            return
         vector = self.vector(space)
-        if vector is None:
-            return NotImplemented
         pointer, width = self.address(operands[1]), WIDTHS[kind]
         registers = operands[0].strip("{}").replace(" ", "").split(",")
         for k, register in enumerate(registers):
             place = self.new(f"getelementptr i{width}, ptr {pointer}, i64 {k}")
             self.put(register, self.new(f"load i{width}, ptr {place}, align 1"), width, kind[0] == "s")
-        return None if len(registers) == vector else NotImplemented
+        if len(registers) != vector:
+            raise NotImplementedError
 
-    def do_st(self, parts: list[str], operands: list[str]) -> Any:
+    def do_st(self, parts: list[str], operands: list[str]) -> None:
         kind, vector = parts[-1], self.vector(parts[1:-1])
         pointer, width = self.address(operands[0]), WIDTHS[kind]
         values = operands[1].strip("{}").replace(" ", "").split(",")
         for k, value in enumerate(values):
             place = self.new(f"getelementptr i{width}, ptr {pointer}, i64 {k}")
             self.emit(f"store i{width} {self.get(value, width)}, ptr {place}, align 1")
-        return None if len(values) == vector else NotImplemented
+        if len(values) != vector:
+            raise NotImplementedError
 
-    def vector(self, space: list[str]) -> int | None:
-        """How many values an access to memory takes; None if it is of an unknown sort."""
-        known = {"global", "local", "nc", "v2", "v4"}
-        return next((int(one[1]) for one in space if one[0] == "v"), 1) if set(space) <= known else None
+    def vector(self, space: list[str]) -> int:
+        """How many values an access to memory takes."""
+        if not set(space) <= {"global", "local", "nc", "v2", "v4"}:
+            raise NotImplementedError
+        return next((int(one[1]) for one in space if one[0] == "v"), 1)
 
     def do_selp(self, parts: list[str], operands: list[str]) -> None:
         to, yes, no, test = operands
@@ -350,85 +352,75 @@ class _Translation:
         a, b, p = self.get(yes, width), self.get(no, width), self.get(test, 1)
         self.put(to, self.new(f"select i1 {p}, i{width} {a}, i{width} {b}"), width)
 
-    def do_setp(self, parts: list[str], operands: list[str]) -> Any:
+    def do_setp(self, parts: list[str], operands: list[str]) -> None:
         if len(parts) != 3:
-            return NotImplemented
+            raise NotImplementedError
         _, relation, kind = parts
         to, x, y = operands
         if kind in FLOATS:
             code = (ORDERED | UNORDERED)[relation]
             a, b = self.number_of(x, kind), self.number_of(y, kind)
             self.put(to, self.new(f"fcmp {code} {FLOATS[kind]} {a}, {b}"), 1)
-            return None
+            return
         names = {"lo": "ult", "ls": "ule", "hi": "ugt", "hs": "uge", "eq": "eq", "ne": "ne"}
         code = names.get(relation) or ("s" if kind[0] == "s" else "u") + relation
         width = WIDTHS[kind]
         self.put(to, self.new(f"icmp {code} i{width} {self.get(x, width)}, {self.get(y, width)}"), 1)
-        return None
 
-    def arithmetic(self, parts: list[str], operands: list[str]) -> Any:
+    def arithmetic(self, parts: list[str], operands: list[str]) -> None:
         """add, sub, and, or, xor, div, rem; mul of floating-point numbers."""
         name, kind = parts[0], parts[-1]
         to, x, y = operands
         if kind in FLOATS:
             if parts[1:-1] != ["rn"]:
-                return NotImplemented
+                raise NotImplementedError
             a, b = self.number_of(x, kind), self.number_of(y, kind)
             self.put_number(to, self.new(f"{ARITHMETIC[name]} {FLOATS[kind]} {a}, {b}"), kind)
-            return None
+            return
         if len(parts) != 2:
-            return NotImplemented
+            raise NotImplementedError
         width = WIDTHS[kind]
         code = name if name not in ("div", "rem") else f"s{name}" if kind[0] == "s" else f"u{name}"
         self.put(to, self.new(f"{code} i{width} {self.get(x, width)}, {self.get(y, width)}"), width)
-        return None
 
     do_add = do_sub = do_and = do_or = do_xor = do_div = do_rem = arithmetic
 
-    def do_mul(self, parts: list[str], operands: list[str]) -> Any:
-        kind = parts[-1]
-        if kind in FLOATS:
+    def do_mul(self, parts: list[str], operands: list[str]) -> None:
+        if parts[-1] in FLOATS:
             return self.arithmetic(parts, operands)
-        to, x, y = operands
-        width, signed = WIDTHS[kind], kind[0] == "s"
-        a, b = self.get(x, width), self.get(y, width)
-        if parts[1] == "lo":
-            self.put(to, self.new(f"mul i{width} {a}, {b}"), width)
-            return None
-        extend, twice = "sext" if signed else "zext", 2 * width
-        a, b = (self.new(f"{extend} i{width} {one} to i{twice}") for one in (a, b))
-        product = self.new(f"mul i{twice} {a}, {b}")
-        if parts[1] == "wide":
-            self.put(to, product, twice)
-            return None
-        if parts[1] != "hi":
-            return NotImplemented
-        high = self.new(f"lshr i{twice} {product}, {width}")
-        self.put(to, self.new(f"trunc i{twice} {high} to i{width}"), width)
-        return None
+        product, width = self.product(parts, *operands[1:])
+        if parts[1] == "hi":
+            high = self.new(f"lshr i{width} {product}, {width // 2}")
+            product, width = self.new(f"trunc i{width} {high} to i{width // 2}"), width // 2
+        self.put(operands[0], product, width)
 
-    def do_mad(self, parts: list[str], operands: list[str]) -> Any:
-        kind, width = parts[-1], WIDTHS[parts[-1]]
+    def do_mad(self, parts: list[str], operands: list[str]) -> None:
+        if parts[-1] in FLOATS or parts[1] == "hi":
+            raise NotImplementedError
         to, x, y, z = operands
-        if kind in FLOATS or parts[1] not in ("lo", "wide"):
-            return NotImplemented
-        a, b, c_width = self.get(x, width), self.get(y, width), width
-        if parts[1] == "wide":
-            extend, c_width = "sext" if kind[0] == "s" else "zext", 2 * width
-            a, b = (self.new(f"{extend} i{width} {one} to i{c_width}") for one in (a, b))
-        product = self.new(f"mul i{c_width} {a}, {b}")
-        self.put(to, self.new(f"add i{c_width} {product}, {self.get(z, c_width)}"), c_width)
-        return None
+        product, width = self.product(parts, x, y)
+        self.put(to, self.new(f"add i{width} {product}, {self.get(z, width)}"), width)
 
-    def root_or_inverse(self, parts: list[str], operands: list[str]) -> Any:
+    def product(self, parts: list[str], x: str, y: str) -> tuple[str, int]:
+        """The product of whole numbers and its width, which is theirs or, of "wide" and "hi", twice as much."""
+        kind, width = parts[-1], WIDTHS[parts[-1]]
+        a, b = self.get(x, width), self.get(y, width)
+        if parts[1] in ("wide", "hi"):
+            extend = "sext" if kind[0] == "s" else "zext"
+            a, b = (self.new(f"{extend} i{width} {one} to i{2 * width}") for one in (a, b))
+            width *= 2
+        elif parts[1] != "lo":
+            raise NotImplementedError
+        return self.new(f"mul i{width} {a}, {b}"), width
+
+    def root_or_inverse(self, parts: list[str], operands: list[str]) -> None:
         """sqrt, rcp."""
         name, kind = parts[0], parts[-1]
         if parts[1:-1] != ["rn"]:
-            return NotImplemented
+            raise NotImplementedError
         own, value = FLOATS[kind], self.number_of(operands[1], kind)
         code = f"call {own} @llvm.sqrt.{kind}({own} {value})" if name == "sqrt" else f"fdiv {own} 1.0, {value}"
         self.put_number(operands[0], self.new(code), kind)
-        return None
 
     do_sqrt = do_rcp = root_or_inverse
 
@@ -456,17 +448,17 @@ class _Translation:
         width = WIDTHS[parts[-1]]
         self.put(operands[0], self.new(f"xor i{width} {self.get(operands[1], width)}, -1"), width)
 
-    def smaller_or_larger(self, parts: list[str], operands: list[str]) -> Any:
+    def smaller_or_larger(self, parts: list[str], operands: list[str]) -> None:
         """min, max: of floating-point numbers the one that is no nan, and -0 below 0."""
         name, kind = parts[0], parts[-1]
         to, x, y = operands
         if len(parts) != 2:
-            return NotImplemented
+            raise NotImplementedError
         if kind not in FLOATS:
             width, code = WIDTHS[kind], ("s" if kind[0] == "s" else "u") + name
             a, b = self.get(x, width), self.get(y, width)
             self.put(to, self.new(f"call i{width} @llvm.{code}.i{width}(i{width} {a}, i{width} {b})"), width)
-            return None
+            return
         own, width = FLOATS[kind], WIDTHS[kind]
         a, b = self.number_of(x, kind), self.number_of(y, kind)
         first = self.new(f"fcmp {'olt' if name == 'min' else 'ogt'} {own} {a}, {b}")
@@ -480,7 +472,6 @@ class _Translation:
             is_nan = self.new(f"fcmp uno {own} {nan}, {nan}")
             best = self.new(f"select i1 {is_nan}, {own} {other}, {own} {best}")
         self.put_number(to, best, kind)
-        return None
 
     do_min = do_max = smaller_or_larger
 
@@ -501,19 +492,18 @@ class _Translation:
 
     do_shl = do_shr = shift
 
-    def do_shf(self, parts: list[str], operands: list[str]) -> Any:
+    def do_shf(self, parts: list[str], operands: list[str]) -> None:
         if parts[2:] != ["wrap", "b32"]:
-            return NotImplemented
+            raise NotImplementedError
         to, low, high, by = (operands[0], *(self.get(one, 32) for one in operands[1:]))
         code = "fshl" if parts[1] == "l" else "fshr"
         self.put(to, self.new(f"call i32 @llvm.{code}.i32(i32 {high}, i32 {low}, i32 {by})"), 32)
-        return None
 
-    def do_prmt(self, parts: list[str], operands: list[str]) -> Any:
+    def do_prmt(self, parts: list[str], operands: list[str]) -> None:
         """Four bytes out of eight, or of the signs of bytes."""
         to, x, y, selector = operands
         if parts != ["prmt", "b32"] or not re.fullmatch(r"0x[0-9A-Fa-f]+U?|\d+", selector):
-            return NotImplemented
+            raise NotImplementedError
         chosen = int(selector.rstrip("U"), 0)
         low, high = self.new(f"zext i32 {self.get(x, 32)} to i64"), self.new(f"zext i32 {self.get(y, 32)} to i64")
         both = self.new(f"or i64 {low}, {self.new(f'shl i64 {high}, 32')}")
@@ -526,17 +516,15 @@ class _Translation:
             placed = self.new(f"shl i32 {self.new(f'zext i8 {byte} to i32')}, {8 * k}")
             result = self.new(f"or i32 {result}, {placed}")
         self.put(to, result, 32)
-        return None
 
-    def do_bfe(self, parts: list[str], operands: list[str]) -> Any:
+    def do_bfe(self, parts: list[str], operands: list[str]) -> None:
         kind = parts[-1]
         to, x, position, length = operands
         if kind[0] != "u" or not (position.isdigit() and length.isdigit()):
-            return NotImplemented
+            raise NotImplementedError
         width = WIDTHS[kind]
         shifted = self.new(f"lshr i{width} {self.get(x, width)}, {position}")
         self.put(to, self.new(f"and i{width} {shifted}, {2 ** int(length) - 1}"), width)
-        return None
 
     def counted(self, parts: list[str], operands: list[str]) -> None:
         """clz, popc, whose results have 32 bits; brev."""
@@ -549,7 +537,7 @@ class _Translation:
 
     do_clz = do_popc = do_brev = counted
 
-    def do_cvt(self, parts: list[str], operands: list[str]) -> Any:
+    def do_cvt(self, parts: list[str], operands: list[str]) -> None:
         rounding, to_kind, from_kind = parts[1:-2], parts[-2], parts[-1]
         to, source = operands
         width, own = WIDTHS[to_kind], WIDTHS[from_kind]
@@ -563,28 +551,27 @@ class _Translation:
             elif (from_kind, to_kind, rounding) == ("f64", "f32", ["rn"]):
                 value = self.new(f"fptrunc double {value} to float")
             else:
-                return NotImplemented
+                raise NotImplementedError
             self.put_number(to, value, to_kind)
         elif to_kind in FLOATS:
             if rounding != ["rn"]:
-                return NotImplemented
+                raise NotImplementedError
             code = "sitofp" if from_kind[0] == "s" else "uitofp"
             value = self.new(f"{code} i{own} {self.get(source, own)} to {FLOATS[to_kind]}")
             self.put_number(to, value, to_kind)
         elif from_kind in FLOATS:
             if rounding != ["rzi"]:
-                return NotImplemented
+                raise NotImplementedError
             self.put(to, self.whole(self.number_of(source, from_kind), from_kind, to_kind), width, to_kind[0] == "s")
         else:
             if rounding:
-                return NotImplemented
+                raise NotImplementedError
             value = self.get(source, own)
             if width > own:
                 value = self.new(f"{'sext' if from_kind[0] == 's' else 'zext'} i{own} {value} to i{width}")
             elif width < own:
                 value = self.new(f"trunc i{own} {value} to i{width}")
             self.put(to, value, width, to_kind[0] == "s")
-        return None
 
     def whole(self, value: str, from_kind: str, to_kind: str) -> str:
         """A number without its fraction: beyond the range its end, and for nan what the manual says."""
