@@ -13,8 +13,6 @@ from segar import cli
 from segar.cli import figures
 from segar.hardness import Plan, replay
 
-PNG = b"\x89PNG"
-
 
 def shown(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     """What the command prints with these arguments."""
@@ -127,14 +125,6 @@ def test_describe_shows_numbers_types_shapes_and_what_depends_on_something_else(
 def test_names_in_a_row_that_count_on_are_said_by_their_ends():
     assert figures.together(["cueball", *(f"ball{k}" for k in range(1, 11))]) == "cueball, ball1 to ball10"
     assert figures.together(["ball1", "ball2", "ball4", "x9", "x10", "x11"]) == "ball1, ball2, ball4, x9 to x11"
-
-
-@pytest.mark.parametrize("name", ["tilesx1-medium", "billiards"])
-def test_describe_draws_a_figure(capsys, tmp_path, name):
-    said = shown(capsys, "describe", name, "-o", tmp_path / "figure.png")
-    assert said.endswith("figure.png: all marginals that are not constant\n")
-    assert (tmp_path / "figure.png").read_bytes().startswith(PNG)
-    assert [path.name for path in tmp_path.iterdir()] == ["figure.png"]
 
 
 def test_a_figure_without_matplotlib_names_the_extra(capsys, tmp_path, monkeypatch):
