@@ -97,20 +97,6 @@ def test_without_copies_an_observation_is_overwritten_in_place():
     assert env.step(np.ones((4, 2), np.float32))[0] is first
 
 
-def test_final_observations_of_a_dict_belong_to_their_names_without_copies_too():
-    observation = {"pixels": Stack(Pixels(), 2), "a": "state"}  # Gymnasium sorts the names of a dict
-    copied, overwritten = (
-        VectorEnv(LEVELS, 4, observation=observation, seed=0, max_steps=3, copy=c) for c in (True, False)
-    )
-    copied.reset()
-    overwritten.reset()
-    for _ in range(3):
-        action = np.full((4, 2), 0.2, np.float32)
-        expected, found = copied.step(action)[-1], overwritten.step(action)[-1]
-    for name in observation:
-        np.testing.assert_array_equal(found["final_obs"][name], expected["final_obs"][name])
-
-
 @pytest.mark.parametrize(
     "hold", [lambda info: info, lambda info: {"factors": info["factors"]}], ids=["info", "factors"]
 )

@@ -23,7 +23,8 @@ LEVELS = segar.family("objectsx1-hard").sample(12, seed=0)
 RED = Pixels(colours={segar.GolfBall: Colour((255, 0, 0))})
 COMPOSED: dict[str, Any] = {
     "tuple": ("rgb", "state"),
-    "dict": {"look": Stack("rgb", 3), "past": PreviousActions(2), "state": StateVector(mask="dict")},
+    # Gymnasium sorts the names of a dict, and these are not.
+    "dict": {"state": StateVector(mask="dict"), "look": Stack("rgb", 3), "past": PreviousActions(2)},
     "stack of states": Stack("state", 4),
     "planes": Stack(Pixels(channels="first"), 4),
     "per episode": OneOf(["rgb", RED], weights=[1, 3]),

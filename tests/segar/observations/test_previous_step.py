@@ -52,6 +52,8 @@ def test_stacks_tuples_and_joined_vectors_hand_on_what_was_before():
         for other in (seen["joined"][:, -4:], seen["stack"][:, -4:], seen["tuple"][0]):
             np.testing.assert_array_equal(other, alone)
         seen, *_ = env.step(now)
+        goes_on = seen["alone"][:, 0] == 0
+        np.testing.assert_array_equal(seen["stack"][goes_on, :-4], alone[goes_on])
 
 
 def test_joined_vectors_are_those_of_a_tuple_one_after_the_other():
