@@ -184,3 +184,19 @@ def test_the_friction_and_lorentz_law_of_2022_are_ours_where_ours_are_not_mended
     simulator.step(state, levels)
     theirs.step(listed, levels)
     np.testing.assert_allclose(listed.values, state.values, rtol=1e-10, atol=1e-10)
+
+
+def test_smaller_time_steps_converge_to_the_stopping_distance(table):
+    simulator, levels = table
+    rates = np.array([50.0, 100.0, 200.0, 400.0])
+    levels = with_parameters(levels, 4, Framerate=rates)
+    state = start(levels)
+    set_factor(state, levels, Charge, 0.0)
+    x, v = read(state, levels, Position), read(state, levels, Velocity)
+    v[:, 0] = (-0.55, -0.55)
+    read(state, levels, Position)[:, 2:5] += (0.0, 0.3)
+    for e, rate in enumerate(rates):
+        one = State(**{name: array[e : e + 1] for name, array in vars(state).items()})
+        simulator.step(one, levels, int(2 * rate))
+    errors = np.abs(np.linalg.norm(x[:, 0], axis=1) - 0.605 / (2 * 0.05 * 10))
+    assert np.all(errors[1:] < 0.6 * errors[:-1])

@@ -1,5 +1,6 @@
 """Environments, worlds, tasks, rules and distributions that were pickled behave as they did before."""
 
+import copy
 import dataclasses
 import pickle
 import threading
@@ -12,7 +13,7 @@ import pytest
 
 import segar
 from segar import GoalTile, GolfBall, Mass, Position, SetFactor, Velocity
-from segar.envs import VectorEnv
+from segar.envs import Env, VectorEnv
 from segar.errors import SegarError
 from segar.language import Factors, is_equal
 from segar.observations.composed.stack import Stack
@@ -211,3 +212,13 @@ def test_what_cannot_be_pickled_is_named_with_what_to_do():
     for thing in (task, env):
         with pytest.raises(SegarError, match=r"report \(test_pickles.py:\d+\) cannot be pickled: .*lock.*top level"):
             pickle.dumps(thing)
+
+
+def test_a_copy_of_an_environment_goes_its_own_way():
+    env = Env(segar.family("empty-hard").sample(5, seed=0), seed=0)
+    env.action_space.seed(3)
+    env.reset()
+    other = copy.deepcopy(env)
+    expected = trail(copy.deepcopy(env))
+    trail(env, 3)
+    assert_same(trail(other), expected)

@@ -1,7 +1,9 @@
 """Levels: nested, repeatable, placed without overlap, and the same after a file."""
 
 import dataclasses
+import errno
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -347,3 +349,17 @@ def test_levels_that_could_not_be_loaded_are_not_saved(name, wrong, tmp_path):
     with pytest.raises(LevelError, match="level 1"):
         dataclasses.replace(levels, values=values).save(tmp_path / name)
     assert (tmp_path / name).read_bytes() == before
+
+
+def test_a_full_disk_leaves_the_old_file_and_no_debris(tmp_path, monkeypatch):
+    path = tmp_path / "levels.npz"
+    old = family("empty-easy").sample(2)
+    old.save(path)
+
+    def no_space(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", no_space)
+    with pytest.raises(LevelError, match=r"cannot be written to .*levels.npz: No space left on device"):
+        family("empty-hard").sample(5).save(path)
+    assert os.listdir(tmp_path) == ["levels.npz"] and Levels.load(path) == old

@@ -108,3 +108,16 @@ def test_gymnasium_s_recordvideo_works(tmp_path):
     films = sorted((tmp_path / "films").glob("*.mp4"))
     assert [film.name for film in films] == ["rl-video-episode-0.mp4", "rl-video-episode-1.mp4"]
     assert film_in(films[0]).shape == (6, 128, 128, 3)
+
+
+def test_gymnasium_s_recordvideo_works_on_batches(tmp_path):
+    made = segar.envs.VectorEnv(LEVELS, 4, render_mode="rgb_array", view=SMALL, autoreset_mode="Disabled", seed=0)
+    env = gymnasium.wrappers.vector.RecordVideo(
+        made, str(tmp_path / "films"), step_trigger=lambda step: step == 0, video_length=3
+    )
+    env.reset(seed=0)
+    for _ in range(4):
+        env.step(env.action_space.sample())
+    env.close()
+    (film,) = (tmp_path / "films").glob("*.mp4")
+    assert len(film_in(film, 256)) == 4

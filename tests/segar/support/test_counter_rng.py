@@ -91,3 +91,10 @@ def test_an_unknown_method_says_what_to_do_instead():
 def test_a_size_that_does_not_begin_with_the_levels_is_refused():
     with pytest.raises(PriorError, match=r"size must be 3 or \(3, \.\.\.\), not 4"):
         LevelGenerator(0, np.arange(3)).random(4)
+
+
+def test_every_bit_of_the_uniforms_is_fair():
+    u = LevelGenerator(9, np.arange(50_000)).random(50_000)
+    whole = (u * 2**53).astype(np.uint64)
+    ones = np.array([((whole >> np.uint64(bit)) & np.uint64(1)).mean() for bit in range(53)])
+    assert np.abs(ones - 0.5).max() < 5 * 0.5 / np.sqrt(50_000)
