@@ -77,10 +77,9 @@ def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333")
     """The least-squares line as far as its points reach; nothing where there is no line, or fewer than six points."""
     if len(x) < LINE_POINTS or why_not(x, y):
         return
-    limits = axes.get_xlim(), axes.get_ylim()
     ends = np.array((x.min(), x.max()))
-    axes.plot(ends, Polynomial.fit(x, y, 1)(ends), color=colour, linewidth=style.LINE_WIDTH, zorder=4)
-    axes.set(xlim=limits[0], ylim=limits[1])
+    line = Line2D(ends, Polynomial.fit(x, y, 1)(ends), color=colour, linewidth=style.LINE_WIDTH, zorder=4)
+    axes.add_artist(line)  # which leaves the limits to points, those of axes that share them, too
 
 
 def legend_of(table: pd.DataFrame) -> list[Line2D]:

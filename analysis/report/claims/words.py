@@ -112,11 +112,18 @@ def what_each_adds(evidence: Evidence, runs: pd.DataFrame, claim: str) -> str:
     return f"Panel and n explain {alone:.3f} of the variance; these add {by - alone:.3f}, exact W2 {less - alone:.3f}."
 
 
+def each_platform(evidence: Evidence, turns: pd.DataFrame) -> str:
+    """By how much SEGAR is faster than the nearest and the farthest of the other platforms."""
+    factors = 10 ** turns.groupby("platform", dropna=False)["faster"].median()
+    return f"SEGAR is {min(factors):,.0f} to {max(factors):,.0f} times as fast as each of {len(factors)} platforms (medians)."
+
+
 AT_EACH_N = ("4b-factors", "matched-w2", "matched-coverage", "states-w2", "states-coverage", "dose-w2", "dose-coverage")
 # Numbers that the sentences of a claim name in braces, from its evidence and rows.
 NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {"A-ks": slope_of_ks}
 # What is said after the sentence of a claim's verdict, with numbers from its evidence and rows.
 BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
+    "light": each_platform,
     "3a": partial(without_one_level, claim="3a"),
     "3a-cell": partial(without_one_level, claim="3a-cell"),
     "3a-agent": agents_that_learned,

@@ -51,16 +51,14 @@ def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, 
 
 def draw_accuracies(evidence: Evidence, axes: Axes, table: pd.DataFrame, gap: str) -> None:
     """A gap against both accuracies, with r and the p of blocks in the legend, and a line where there are blocks enough."""
-    y, lines = column(table, gap), []
+    y = column(table, gap)
     for levels, name, colour, marker in zip(LEVELS, ACCURACIES, style.PALETTE, style.MARKERS, strict=False):
         x, found = column(table, name), evidence.correlation(table, name, gap)
         look = {"marker": marker, "color": colour, "label": f"{levels}: {estimate_text(found)}", **DOT}
         axes.scatter(x, y, s=32, zorder=3, **look)
         if np.isfinite(found.low):
-            lines.append((x, y, colour))
+            draw_line(axes, x, y, colour)
     axes.margins(y=0.1)
-    for line in lines:  # they keep to the limits of all points
-        draw_line(axes, *line)
     below = axes.transAxes + ScaledTranslation(0, -0.4, axes.figure.dpi_scale_trans)  # ticks and label [in]
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, handletextpad=0.2, fontsize=8.5)
 
