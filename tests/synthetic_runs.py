@@ -1,5 +1,6 @@
 """Run folders without training: what a run leaves behind, with figures that a test chooses."""
 
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -106,6 +107,8 @@ def pretend_to_train(config: RunConfig) -> dict[str, float]:
     cell = grid_point(config)
     with open(Path(str(config.root)) / "trained", "a") as stream:
         stream.write(f"{cell.panel} n={cell.count} seed={cell.seed}\n")
+    if config.stale == "anew":
+        shutil.rmtree(folder_path(config), ignore_errors=True)
     w2 = 1.0 / config.levels.count
     write_run(config, gap=-2 * w2, w2=w2, code=executed_code(Prepared(config)))
     return {"evaluation/gap/deterministic": -2 * w2}
