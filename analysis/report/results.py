@@ -57,11 +57,15 @@ class Results:
         wanted = set(experiments)
         return measured(keep(self.runs, [bool(wanted & set(str(names).split())) for names in self.runs["experiments"]]))
 
+    def study(self, name: str, table: str) -> pd.DataFrame:
+        """A table of a study that trains nothing; empty where there is none."""
+        return self.studies.get(name, {}).get(table, pd.DataFrame())
+
     @cached_property
     def players(self) -> pd.DataFrame:
         """What four players without training reach on the test levels of each panel: ``panel``, ``player`` (idle, random,
         script, oracle; floor, the better of idle and random on each level), ``return``, ``success``. Empty if not measured."""
-        table = self.studies.get("anchors", {}).get("anchors", pd.DataFrame())
+        table = self.study("anchors", "anchors")
         return with_panel(table) if len(table) else table
 
     def player(self, name: str, value: str) -> dict[str, float]:

@@ -75,26 +75,8 @@ def sets_of_panel(
             except LevelError as error:  # no such set is found, and no agent is trained on it
                 print(f"{name}, n {n}, seed {seed}, {design}: left out, because {error}")
                 continue
-            floor = found.value**2 - found.square
-            rows.append({**place, **measures(train, test, floor), **of_play(train, test, best, moved)})
+            rows.append({**place, **measures(train, test, found.value**2 - found.square, best, moved)})
     return rows
-
-
-def of_play(train: Levels, test: Levels, best: Plan, moved: Set[tuple[type, type]]) -> dict[str, float]:
-    """The measures of what is done in one training set and of what becomes of it.
-
-    Args:
-        best: the plans of the test levels.
-        moved: as :func:`controllable` finds them there.
-    """
-    own = plan(train, rng=np.random.default_rng(SEARCH_SEED))
-    responses = dynamics_distances(train, test, rng=np.random.default_rng(SEARCH_SEED))
-    others = sum(part for pair, part in decompose(train, test).parts.items() if pair not in moved)
-    return {
-        "w1_policy": emd(policy_similarity(own, best)),
-        "w2_response": float(np.sqrt(emd(responses**2))),
-        "w2_uncontrollable": float(np.sqrt(max(others, 0.0))),
-    }
 
 
 def controllable(levels: Levels) -> set[tuple[type, type]]:
@@ -107,19 +89,31 @@ def controllable(levels: Levels) -> set[tuple[type, type]]:
     }
 
 
-def measures(train: Levels, test: Levels, floor: float) -> dict[str, float]:
-    """The distances of one training set."""
+def measures(train: Levels, test: Levels, floor: float, best: Plan, moved: Set[tuple[type, type]]) -> dict[str, float]:
+    """The measures of one training set.
+
+    Args:
+        floor: of the squared exact W2.
+        best: the plans of the test levels.
+        moved: as :func:`controllable` finds them there.
+    """
     parts = decompose(train, test)
     square = parts.value**2
     by_factor = parts.by_factor
     position, types = by_factor.get(Position.__name__, 0.0), by_factor.get(UNMATCHED, 0.0)
     rest = square - floor
+    own = plan(train, rng=np.random.default_rng(SEARCH_SEED))
+    responses = dynamics_distances(train, test, rng=np.random.default_rng(SEARCH_SEED))
+    others = sum(part for pair, part in parts.parts.items() if pair not in moved)
     return {
         "w2_position": position_w2(train, test),
         "w2_debiased": float(np.sign(rest) * np.sqrt(abs(rest))),
         "part_position": position,
         "part_properties": square - position - types,
         "part_types": types,
+        "w1_policy": emd(policy_similarity(own, best)),
+        "w2_response": float(np.sqrt(emd(responses**2))),
+        "w2_uncontrollable": float(np.sqrt(max(others, 0.0))),
     }
 
 

@@ -135,7 +135,7 @@ def read_about(folder: Path) -> dict[str, Any] | None:
     """The settings of the probes of a run (``asked``), the fingerprint of their ``code``, and their ``seconds``; None
     where the run was not probed, or its file is damaged, so that it is probed again."""
     try:
-        return json.loads((read_table(folder / PROBES).schema.metadata or {})[ABOUT])
+        return json.loads((read_table(folder / PROBES, []).schema.metadata or {})[ABOUT])
     except (KeyError, ValueError):
         return None
 

@@ -1,6 +1,7 @@
 """Files of a run are replaced as a whole or stay as they were: see :mod:`segar.support.files`. They are read as data, whoever
 made them."""
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -56,10 +57,10 @@ def read_json(path: Path, form: Any = dict, only: bool = False) -> Any:
     return data_in(path, f"a {path.name}", RunFolderError, form=form, only=only)
 
 
-def read_table(path: Path) -> pa.Table:
+def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     """The table in a Parquet file.
 
     Raises:
         RunFolderError: there is no such file, it is no table, or would take more memory than the limit.
     """
-    return support.read_table(path, "table", RunFolderError)
+    return support.read_table(path, "table", RunFolderError, columns)

@@ -11,9 +11,7 @@ from segar.policies.network_policy import Environments
 from segar.support import content_of, file_limit, need
 
 ELSEWHERE = "session.model_external_initializers_file_folder_path"
-MEMORY = (
-    2 * 2**30
-)  # [bytes] of all numbers that models may compute at a time, unless the environment says another limit
+MEMORY = 2 * 2**30  # [bytes] of all numbers that models may compute at a time, unless SEGAR_FILE_LIMIT says another
 DTYPES = {"tensor(float)": np.dtype(np.float32), "tensor(uint8)": np.dtype(np.uint8)}
 
 

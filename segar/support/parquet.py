@@ -33,7 +33,7 @@ def read_table(path: Path, kind: str, error: type[SegarError], columns: Sequence
             size = sum(one.total_uncompressed_size + CELL * one.num_values for one in chunks)
             check_size(path, size, kind, error)
             # Of a text that is repeated the file may hold one copy. So texts are tried in parts, which cannot be large.
-            texts = [one for one in chunks if one.physical_type.endswith("BYTE_ARRAY")]
+            texts = [one for one in chunks if one.physical_type.endswith("BYTE_ARRAY") and is_read(one, columns)]
             most = 1 + LIMIT // max([1, *(one.total_uncompressed_size for one in texts)])
             for part in table.iter_batches(most, columns=[*{one.path_in_schema for one in texts}]):
                 size += part.nbytes
@@ -43,3 +43,8 @@ def read_table(path: Path, kind: str, error: type[SegarError], columns: Sequence
             raise
         except (ArrowException, *DAMAGE) as cause:
             raise error(f"cannot read the {kind} {path}: {first_line(cause)}") from cause
+
+
+def is_read(chunk: Any, columns: Sequence[str] | None) -> bool:
+    """Whether a chunk, whose path may be ``"a.list.element"``, is of one of the columns that are read; None: of all."""
+    return columns is None or any(f"{chunk.path_in_schema}.".startswith(f"{name}.") for name in columns)

@@ -177,7 +177,7 @@ def distances_of_empty(evidence: Evidence) -> pd.DataFrame:
 
     Joint distribution functions of more entities differ by 1 for most n, where no rate can be seen.
     """
-    table = evidence.results.studies.get("w2_study", {}).get("distances", pd.DataFrame())
+    table = evidence.results.study("w2_study", "distances")
     if table.empty:
         return table
     inside = (table["train"] == table["test"]) & (table["ks"] > 0) & table["train"].str.startswith("empty-")
@@ -189,7 +189,7 @@ def distances_of_empty(evidence: Evidence) -> pd.DataFrame:
 def dealt_factors(evidence: Evidence) -> pd.DataFrame:
     """The distances of the study of distances with ``of_marginals``, the part by which exact W2 is larger after all factors
     were dealt anew. Seed 0 had been looked at before there was a rule."""
-    table = evidence.results.studies.get("w2_study", {}).get("distances", pd.DataFrame())
+    table = evidence.results.study("w2_study", "distances")
     if "w2_marginals" not in table:
         return table.head(0)
     table = keep(table, table["seed"] != 0)
@@ -200,7 +200,7 @@ def dealt_factors(evidence: Evidence) -> pd.DataFrame:
 
 def platforms(evidence: Evidence) -> pd.DataFrame:
     """The turns of random play on other platforms, which are blocks; ``faster`` is log10 of SEGAR's speed over theirs."""
-    table = evidence.results.studies.get("platforms", {}).get("platforms", pd.DataFrame())
+    table = evidence.results.study("platforms", "platforms")
     if table.empty:
         return table
     faster = np.log10(column(table, "segar") / column(table, "speed"))
@@ -230,7 +230,7 @@ def all_rule_set_runs(evidence: Evidence) -> pd.DataFrame:
     runs, parts = (keep(one, parts["number"].notna()) for one in (runs, parts))
     number = parts["number"].astype(float)
     found = runs.assign(rule_sets=number, log_rule_sets=np.log(number), chosen=parts["chosen"].fillna(""))
-    study = evidence.results.studies.get("rule_set_distances", {}).get("rule_sets", pd.DataFrame())
+    study = evidence.results.study("rule_set_distances", "rule_sets")
     if study.empty:
         return found.assign(dynamics_w2=np.nan)
     return found.merge(study[[*OF_SET, "dynamics_w2"]], on=list(OF_SET), how="left", validate="m:1")

@@ -168,7 +168,7 @@ def visual(evidence: Evidence) -> Drawn:
 
 def hardness(evidence: Evidence) -> Drawn:
     """Success against the number of conditions on the reward: agents with intervals over runs, chance, script and planner."""
-    study = evidence.results.studies.get("hardness_of_levels", {}).get("hardness", pd.DataFrame())
+    study = evidence.results.study("hardness_of_levels", "hardness")
     runs = evidence.all_results.of("hardness")
     if study.empty and runs.empty:
         raise NoFigure("it was not run (`experiments=[hardness, hardness_of_levels]`)")
@@ -208,10 +208,9 @@ def upper_bound(evidence: Evidence) -> Drawn:
 
 def w2_study(evidence: Evidence) -> Drawn:
     """W2 against the number of levels, without training, with the means of 2022."""
-    study = evidence.results.studies.get("w2_study", {})
-    if "means" not in study:
+    table = evidence.results.study("w2_study", "means")
+    if table.empty:
         raise NoFigure("the study of distances was not run (`experiments=[w2_study]`)")
-    table = study["means"]
     inside = keep(table, table["train"] == table["test"])
     modes = [m for m in ("reference", "exact") if m in set(inside["mode"])]
     figure = new_figure(4.6 * len(modes), 4.3)

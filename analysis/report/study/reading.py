@@ -19,7 +19,7 @@ from segar.experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_S
 from segar.experiments.runs.run_folder import LONGEST
 from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import ConfigError, RunFolderError, add_module_path, flat
-from segar.support import content_of, data_in, read_yaml
+from segar.support import data_in, misfit, read_yaml
 
 NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic", "test_levels",
           "hours", "code")  # fmt: skip
@@ -106,8 +106,10 @@ def is_study(folder: Path) -> bool:
 def read_study(folder: Path) -> Study:
     """The study in a results folder; raises :class:`RunFolderError`."""
     path = folder / STUDY
-    asked = data_in(path, "a study", RunFolderError, read_yaml, LONGEST, READ)
-    text = content_of(path, "study", RunFolderError, LONGEST).decode()
+    # Both are of one reading: what is signed is what is used.
+    asked, text = data_in(path, "a study", RunFolderError, lambda text: (read_yaml(text), text.decode()), LONGEST)
+    if wrong := misfit(asked, READ):
+        raise RunFolderError(f"{path}: {wrong}")
     used = {key: asked[key] for key in ("claims", "module_path") if key in asked}
     add_module_path(settings_of_file(path, used, (), text).get("module_path", ()))
     results = read_results(folder, NEEDED)

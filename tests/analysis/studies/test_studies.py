@@ -8,7 +8,7 @@ import pytest
 
 from segar.analysis.studies.baselines import players
 from segar.analysis.studies.hardness import hardness_with
-from segar.analysis.studies.training_sets import SEARCH_SEED, controllable, of_play
+from segar.analysis.studies.training_sets import SEARCH_SEED, controllable, measures
 from segar.hardness import plan
 from segar.language import GoalTile, GolfBall, Position, Velocity
 from segar.levels import family
@@ -46,12 +46,13 @@ def test_measures_of_play_are_of_what_is_done_and_of_what_becomes_of_it():
     levels = dist.sample(20, seed=5)
     best, moved = plan(levels, rng=np.random.default_rng(SEARCH_SEED)), controllable(levels)
     assert {(GolfBall, Position), (GolfBall, Velocity)} <= moved and (GoalTile, Position) not in moved
-    assert of_play(levels, levels, best, moved) == dict.fromkeys(["w1_policy", "w2_response", "w2_uncontrollable"], 0.0)
+    same, of_play = measures(levels, levels, 0.0, best, moved), ["w1_policy", "w2_response", "w2_uncontrollable"]
+    assert {name: same[name] for name in of_play} == dict.fromkeys(of_play, 0.0)
     one, found = levels[:1], {}
     best, x = plan(one, rng=np.random.default_rng(SEARCH_SEED)), levels.layout.columns[Position]
     for moves in (GolfBall, GoalTile):
         values = one.values.copy()
         values[one.types == one.layout.types.index(moves), x] *= -1
-        found[moves] = of_play(dataclasses.replace(one, values=values), one, best, moved)
+        found[moves] = measures(dataclasses.replace(one, values=values), one, 0.0, best, moved)
         assert found[moves]["w1_policy"] > 0.1
     assert found[GolfBall]["w2_uncontrollable"] == 0.0 < found[GoalTile]["w2_uncontrollable"]
