@@ -31,9 +31,8 @@ from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.reproduction.experiment_file import PLAN, STUDY
 from segar.experiments.reproduction.grid import run_columns, varied_columns
 from segar.experiments.reproduction.imported_results import RUNS, TRANSFERS
-from segar.experiments.runs.files import read_json, read_table, replacing
+from segar.experiments.runs.files import absolute_path, read_json, replacing
 from segar.experiments.runs.run_folder import (
-    EPISODES,
     EVALUATIONS,
     PROBES,
     is_finished,
@@ -44,13 +43,18 @@ from segar.experiments.runs.run_folder import (
     read_metrics,
     read_summary,
 )
-from segar.experiments.settings import RunFolderError
+from segar.experiments.settings import RunFolderError, require
 from segar.support import counted
 
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
 FILES = {"runs": RUNS, "transfers": TRANSFERS, "levels": LEVELS, "curves": CURVES, "probes": PROBES}  # of all tables
 MOST_MISSING = 20  # runs and tests that are named one by one
 TABLES, MISSING = "tables", "missing.csv"
+PLAN_FORM = {
+    "name": str, "scale": str, "runs": str, "elsewhere?": [str], "tracking": dict,
+    "experiments": [{"name": str, "title": str, "figure": str, "study?": str, "vary?": [str],
+                     "runs": [{"folder": str, "transfers": [str], "probes?": bool, "elsewhere?": bool, "whole?": bool}]}],
+}  # fmt: skip
 WHICH = ["family", "difficulty", "n", "algorithm", "observation", "task", "variation", "design", "seed", "run", "test"]
 
 
@@ -89,7 +93,7 @@ class Asked:
 
 def collect(config: CollectConfig) -> Collected:
     """Reads the runs, writes the tables and prints what is missing; raises :class:`RunFolderError` if there is no plan."""
-    folder = Path(config.results).expanduser().resolve()
+    folder = absolute_path(config.results)
     plan = read_plan(folder)
     found = read_runs(plan)
     if (folder / STUDY).exists():
@@ -130,11 +134,13 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """The plan that a results folder holds, with the runs ``imported`` that are taken from tables of other machines; raises
     :class:`RunFolderError` if it holds none."""
     try:
-        plan = read_json(folder / PLAN)
+        plan = read_json(folder / PLAN, PLAN_FORM)
     except RunFolderError as error:
         raise RunFolderError(
             f"{folder} holds no {PLAN} that can be read: {error}. Name a folder that segar reproduce made: results=..."
         ) from error
+    for name in (one["name"] for one in plan["experiments"]):
+        require(Path(name).name == name, f"{folder / PLAN}: name", name, "one part of a path: a file is called so")
     for run in (run for one in plan["experiments"] for run in one["runs"] if run.get("elsewhere")):
         run["imported"] = run["whole"] or not is_finished(Path(plan["runs"]) / run["folder"])
     return plan
@@ -179,7 +185,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
             if tested is None or lacks:
                 missing.append((name, transfer + lacks, by))
                 continue
-            played = read_table(there / EPISODES)
+            played = read_episodes(there)
             row = transfer_row(tested, played, episodes, place, transfer)
             transfers.append(row)
             tables["levels"].append(level_rows(played, {**place, "test": row["test"]}))

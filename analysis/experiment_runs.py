@@ -13,7 +13,7 @@ import pandas as pd
 
 from segar.analysis.plotting.style import colours
 from segar.analysis.tables import column
-from segar.experiments.settings import TrackingConfig, without_password
+from segar.experiments.settings import TrackingConfig, construct, without_password
 from segar.experiments.tracking.mlflow_store import calling, open_store, runs_with, show_views, store_uri
 from segar.experiments.tracking.mlflow_sync import read_sync_state
 from segar.experiments.tracking.mlflow_views import COLOUR, VIEWS_OF_PAPER
@@ -23,7 +23,7 @@ PARENT = "mlflow.parentRunId"  # MLflow's own tag, by which its pages nest runs
 
 def show_experiments(results: Path, plan: Mapping[str, Any], runs: pd.DataFrame) -> None:
     """Makes or renews the parents, and tags the children; raises :class:`TrackingError` if the store refuses."""
-    tracking, root = TrackingConfig(**plan["tracking"]), Path(plan["runs"])
+    tracking, root = construct(TrackingConfig, plan["tracking"], "tracking"), Path(plan["runs"])
     client, mlflow_experiment = open_store(tracking, root)
     show_views(client, calling(client.get_experiment, mlflow_experiment), VIEWS_OF_PAPER)
     figures: dict[str, list[str]] = {}

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from segar.errors import SegarError
+from segar.errors import SegarError, naming
 from segar.experiments.runs.files import read_table, replacing
-from segar.experiments.settings import RunFolderError
+from segar.experiments.settings import RunFolderError, require
 from segar.support import data_in
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,12 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
 def read_frame(path: Path) -> pd.DataFrame:
     """The table in a file ``.csv`` or ``.parquet``, as its suffix says; raises :class:`RunFolderError` where there is none."""
     if path.suffix == ".parquet":
-        return read_table(path).to_pandas()
+        table = read_table(path)
+        with naming(path, RunFolderError):
+            for one in table.schema:
+                kind = str(one.type)
+                require("<" not in kind and "binary" not in kind, one.name, kind, "numbers, truths or texts")
+        return table.to_pandas()
     return data_in(path, "a table", RunFolderError, read_csv)
 
 

@@ -95,7 +95,7 @@ from segar.experiments.settings import (
     run_config,
 )
 from segar.suites import outline, suite
-from segar.support import EVERYTHING, cores, counted
+from segar.support import cores, counted
 
 REPORT = "benchmark"
 PLANNER_SECONDS, PLAYER_SECONDS, DRAW_SECONDS = 20.0, 3.0, 6.0  # assumed, per piece
@@ -322,11 +322,13 @@ def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) ->
     if config.dry_run:
         return
     failed = do_all(place / "logs", {one.folder.name: (one, seconds) for one in waiting}, processes, make_piece)
-    found = [piece for piece in (read_piece(task.folder) for task in tasks) if piece is not None]
+    not_made = {one.job.name for one in failed}  # there may lie what another policy or other files made before
+    made = (read_piece(task.folder) for task in tasks if task.folder.name not in not_made)
+    found = [piece for piece in made if piece is not None]
     if found:
         show(add(config, method, found))
     if failed:
-        raise TrainingError(failures(failed, len(waiting), True))
+        raise TrainingError(failures(failed, len(waiting)))
 
 
 def draw_row(config: BenchmarkConfig, row: Row) -> None:
@@ -335,16 +337,18 @@ def draw_row(config: BenchmarkConfig, row: Row) -> None:
     Rows of recorded actions, of the references, and those that lack a file or name code that is not trusted are left as they
     are; raises :class:`TrainingError` where something failed.
     """
-    method, trusted = row.method, EVERYTHING in config.trusted or bool(config.policy)
-    is_code = "policy" in method.settings
-    if row.drawn or not row.can_be_drawn or method.name in REFERENCES or (is_code and not trusted):
+    name, lacks = row.method.name, f"its folder lacks files; {FETCH}" if row.lacks - {TABLE} else ""
+    if row.drawn or not row.can_be_drawn or name in REFERENCES:
         return
-    if row.lacks - {TABLE}:
-        print(f"row {method.name}: its levels are not drawn, because its folder lacks files; {FETCH}", flush=True)
+    try:
+        method = row.trusted_method(config.trusted, DRAWN)
+    except RunFolderError as error:
+        lacks = str(error)
+    if lacks:
+        print(f"row {name}: its levels are not drawn: {lacks}", flush=True)
         return
     commitment = commitment_of_row(row)
-    print(f"row {method.name}: its commitment is {commitment}; from it, levels are drawn", flush=True)
-    method = dataclasses.replace(method, settings=row.settings((EVERYTHING,) if trusted else (), DRAWN))
+    print(f"row {name}: its commitment is {commitment}; from it, levels are drawn", flush=True)
     place = pieces_folder(config, method) / "drawn"
     tasks = [
         DrawTask(method, one, row.folder / one.file, commitment, place / f"{piece_name(one.suite, one.seed)}.json",
@@ -354,7 +358,7 @@ def draw_row(config: BenchmarkConfig, row: Row) -> None:
     waiting = {one.path.stem: (one, DRAW_SECONDS) for one in tasks if one.found() is None}
     failed = do_all(place / "logs", waiting, config.processes or cores(), draw_piece)
     if failed:
-        raise TrainingError(failures(failed, len(waiting), True))
+        raise TrainingError(failures(failed, len(waiting)))
     show(write_drawn(row, [found for one in tasks if (found := one.found()) is not None]))
 
 
@@ -362,13 +366,14 @@ def make_panel(config: BenchmarkConfig) -> None:
     """Plays the panel on each suite, prints it, and makes the page beside it; raises :class:`TrainingError` where it is red."""
     rows = [read_row(path.parent) for place in config.places for path in sorted(place.glob(f"*/{ROW}"))]
     place = runs_root(config.run) / f"{ROWS}_panel"
-    tasks = [PanelTask(name, network_for(name, rows), place / f"{name}.json") for name in config.chosen_suites()]
+    chosen = config.chosen_suites()
+    tasks = [PanelTask(one, network_for(one, rows, config.trusted), place / f"{one}.json") for one in chosen]
     if config.dry_run:
         print(f"about {in_minutes(PANEL_SECONDS * len(tasks) / (config.processes or cores()))}")
         return
     waiting = {one.suite: (one, PANEL_SECONDS) for one in tasks}
     if failed := do_all(place / "logs", waiting, config.processes or cores(), play_panel):
-        raise TrainingError(failures(failed, len(waiting), False))
+        raise TrainingError(failures(failed, len(waiting), "The page of the panel stays as it was"))
     lines = [line for one in tasks for line in read_panel(one.path)]
     write_json(config.folder / PANEL, lines)
     red = [f"{one['player']} on {one['suite']}" for one in lines if not one["right"]]
@@ -413,7 +418,9 @@ def show(row: Row) -> None:
 def verify_rows(config: BenchmarkConfig) -> None:
     """Plays rows again; raises :class:`SegarError` for the first that is not what it says."""
     suites = () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
-    for row in named_rows(config.verify, config.places):
+    rows = [row for row in named_rows(config.verify, config.places) if not suites or {*suites} & {*row.suites()}]
+    require(bool(rows), "suite", list(suites), f"one that {', '.join(config.verify)} was played on")
+    for row in rows:
         began = time.monotonic()
         say = partial(print, flush=True)
         count = verify(row, suites, say=say, trusted=config.trusted, salt=config.salt)
@@ -444,10 +451,8 @@ def build(config: DictConfig) -> BenchmarkConfig:
     own |= {key: [own[key]] for key in LISTS if isinstance(own[key], str)}
     count = data["levels"].pop("count")
     for name in ("train", "design", "variation"):
-        usual = as_data(RunConfig())["levels"][name]
-        require(
-            data["levels"][name] == usual, f"levels.{name}", data["levels"][name], "left out: suites say the levels"
-        )
+        usual, given = (one["levels"][name] for one in (as_data(RunConfig()), data))
+        require(given == usual, f"levels.{name}", given, "left out: suites say the levels")
     return construct(BenchmarkConfig, {**own, "training_levels": count}, "", run=run_config(data))
 
 

@@ -58,7 +58,7 @@ from segar.experiments.reproduction.plan import (
     measure_speeds,
 )
 from segar.experiments.reproduction.process_pool import Job, JobResult, run_jobs
-from segar.experiments.runs.files import write_text
+from segar.experiments.runs.files import absolute_path, write_text
 from segar.experiments.runs.run_folder import runs_root, write_json
 from segar.experiments.runs.trust import signed
 from segar.experiments.settings import (
@@ -130,7 +130,7 @@ class ReproduceConfig:
 
     def imported_folders(self) -> list[Path]:
         """Absolute paths of the folders of ``imported``."""
-        return [Path(folder).expanduser().resolve() for folder in self.imported]
+        return [absolute_path(folder) for folder in self.imported]
 
     def at_scale(self) -> list[Experiment]:
         """The chosen experiments at this scale; raises :class:`ConfigError` if one is wrong, or none is left."""
@@ -170,6 +170,9 @@ def reproduce(
     scale = config.run.scale.name
     probes = construct(ProbeConfig, config.probes.get(scale, {}), f"probes.{scale}")
     plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, probes, imported, left_out)
+    if finish is None and any(work.run.levels.is_endless for work in plan.runs):
+        advice = "numbers, of which tables have a column; endless levels: segar sweep levels.count=10,endless"
+        raise ConfigError(f"grid.counts: endless is not allowed; it must be {advice}")
     speeds = measure_speeds(runs_root(config.run))
     processes = config.processes or cores()
     print(as_text(plan, speeds, processes, config.run.scale), flush=True)
@@ -191,7 +194,8 @@ def reproduce(
     failed = do_all(config.folder / "logs", waiting, processes, work or carry_out)
     finished = (finish or tables_and_report)(config, plan)
     if failed or not finished:
-        raise TrainingError(failures(failed, len(waiting), finished))
+        lacks = [] if finished else ["there are no tables or no report: see what it says above"]
+        raise TrainingError(failures(failed, len(waiting), *lacks, KEPT))
 
 
 def reproduce_with_preview(config: ReproduceConfig) -> None:
@@ -338,13 +342,14 @@ def dashboard(run: RunConfig) -> str:
     return uri if is_server(uri) else f"{sys.executable} -m mlflow server --backend-store-uri '{uri}'"
 
 
-def failures(failed: Sequence[JobResult], pieces: int, finished: bool) -> str:
-    """The failed tasks, and what to do about them."""
+KEPT = "What is finished is kept: the same command does only what is missing."
+
+
+def failures(failed: Sequence[JobResult], pieces: int, *closing: str) -> str:
+    """The failed tasks, and what to do about them; ``closing`` says what became of the rest, which is kept."""
     lines = [f"{len(failed)} of {pieces} failed:"] if failed else []
     lines += [f"  {one.job.name}: {one.error}\n    log: {one.job.log}" for one in failed]
-    if not finished:
-        lines.append("there are no tables or no report: see what it says above")
-    lines.append("What is finished is kept: the same command does only what is missing.")
+    lines += closing or [KEPT]
     if any("restart=true" in str(one.error) for one in failed):
         lines.append("restart=true trains all of them anew; to train one anew, delete its run folder.")
     if any("stale=anew" in str(one.error) for one in failed):

@@ -17,7 +17,7 @@ import pyarrow.parquet
 from segar.cli import table
 from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.commands.plugin import SUMMARIES, find_plugin
-from segar.experiments.runs.files import replacing, write_text
+from segar.experiments.runs.files import absolute_path, replacing, write_text
 from segar.experiments.runs.run_folder import RESULTS, root_folder
 from segar.experiments.runs.run_rows import (
     FINISHED,
@@ -63,7 +63,7 @@ def results(
         ConfigError: the file has another ending.
         RunFolderError: there is no such run, or the file cannot be written.
     """
-    path = Path(output).expanduser().resolve() if output else None
+    path = absolute_path(output) if output else None
     if path is not None and path.suffix not in FORMATS:
         raise ConfigError(f"output: {output!r} ends in none of {', '.join(FORMATS)}, which say what is written")
     chosen = chosen_rows(map(root_folder, (root, *more)), sweep)

@@ -89,14 +89,14 @@ def write_transfer(transfer: Transfer, config: RunConfig, gap: float) -> None:
 
 def episodes(config: RunConfig, gap: float) -> list[dict[str, Any]]:
     """Each training level twice, each test level once, in both action modes."""
-    rng = np.random.default_rng(config.levels.count)
+    rng = np.random.default_rng(config.levels.number)
     rows: list[dict[str, Any]] = []
     for mode, cost in (("deterministic", 0.0), ("sampled", 0.5)):
-        for levels, number, mean in (("train", 2 * config.levels.count, -2.0), ("test", TEST_LEVELS, -2.0 + gap)):
+        for levels, number, mean in (("train", 2 * config.levels.number, -2.0), ("test", TEST_LEVELS, -2.0 + gap)):
             returns = rng.normal(size=number)
             returns += mean - cost - returns.mean()
             for i, value in enumerate(returns):
-                level = i % config.levels.count if levels == "train" else i
+                level = i % config.levels.number if levels == "train" else i
                 played = {"levels": levels, "action_mode": mode, "level": level, "length": 10, "death": False}
                 rows.append({**played, "return": value, "return_ref": value + 0.25, "success": i % 4 > 0})
     return rows
@@ -109,6 +109,6 @@ def pretend_to_train(config: RunConfig) -> dict[str, float]:
         stream.write(f"{cell.panel} n={cell.count} seed={cell.seed}\n")
     if config.stale == "anew":
         shutil.rmtree(folder_path(config), ignore_errors=True)
-    w2 = 1.0 / config.levels.count
+    w2 = 1.0 / config.levels.number
     write_run(config, gap=-2 * w2, w2=w2, code=executed_code(Prepared(config)))
     return {"evaluation/gap/deterministic": -2 * w2}

@@ -1,6 +1,7 @@
 """Players whose place is known beforehand: where one of them stands otherwise, the benchmark is wrong, or gamed."""
 
-from collections.abc import Iterable, Mapping
+import dataclasses
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -14,7 +15,7 @@ from segar.evaluation import Idle, Random, RecordedActions, Scripted
 from segar.experiments.benchmarking.drawn import LEVELS, draw, drawn_of
 from segar.experiments.benchmarking.level_sets import number_of_levels
 from segar.experiments.benchmarking.playing import options_of, play_each
-from segar.experiments.benchmarking.row import RANDOM_PLAYS, Piece, Row, read_row
+from segar.experiments.benchmarking.row import PLAYED, RANDOM_PLAYS, Piece, Row
 from segar.experiments.runs.files import read_json
 from segar.experiments.runs.run_folder import write_json
 from segar.metrics import cost_matrix
@@ -30,10 +31,10 @@ SURPRISE = norm.sf(3)  # so improbable is more than this by chance
 
 @dataclass(frozen=True)
 class PanelTask:
-    """One suite: the row whose network is played with noise, None where there is none, and the file of what is found."""
+    """One suite: the row whose network is played with noise, as of :func:`network_for`, and the file of what is found."""
 
     suite: str
-    row: Path | None
+    row: Row | None
     path: Path
 
 
@@ -68,18 +69,14 @@ def play_panel(task: PanelTask) -> None:
     value = corrected(RecordedActions(given.plan.actions))
     add("planner (privileged)", "solve what the planner solves", value, value == 1.0)
     if task.row is not None:
-        row = read_row(task.row)
+        row, name = task.row, task.row.method.name
         (own,) = (one for one in row.pieces if one.suite == of.name and one.seed == SEED)
         seen = options_of(of, row.method, of.sample(SEED, number_of_levels(row.method)), "test")
         policy = NetworkPolicy(Network.load(row.folder / own.file), unit_actions=True)
         alone, noisy = corrected(policy, seen), corrected(Noisy(policy), seen)
-        add(row.method.name, "", alone, True)
-        add(
-            f"{row.method.name}, {NOISE:.0%} random",
-            "be below it where it beats chance",
-            noisy,
-            noisy < alone or alone <= most,
-        )
+        add(name, "", alone, True)
+        is_right = noisy < alone or alone <= most
+        add(f"{name}, {NOISE:.0%} random", "be below it where it beats chance", noisy, is_right)
     write_json(task.path, lines)
 
 
@@ -104,11 +101,12 @@ def read_panel(path: Path) -> list[dict[str, Any]]:
     return read_json(path, FORM)
 
 
-def network_for(name: str, rows: Iterable[Row]) -> Path | None:
-    """The folder of the first of some rows that has a network for a suite with the panel's seed."""
+def network_for(name: str, rows: Iterable[Row], trusted: Collection[str]) -> Row | None:
+    """The first of some rows that has a network for a suite with the panel's seed; raises :class:`RunFolderError` where playing
+    it brings in code that is not ``trusted``."""
     for row in rows:
         if row.method.kind == "networks" and any(
             (one.suite, one.seed) == (name, SEED) and one.file not in row.lacks for one in row.pieces
         ):
-            return row.folder
+            return dataclasses.replace(row, method=row.trusted_method(trusted, PLAYED))
     return None

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from segar.errors import did_you_mean
+from segar.experiments.runs.files import absolute_path
 from segar.experiments.settings import ConfigError
 from segar.suites import CORE, suites
 from segar.support import ROWS
@@ -51,7 +52,7 @@ def piece_name(suite: str, seed: int) -> str:
 
 def row_folder(name: str, places: Sequence[Path]) -> Path:
     """The folder of a row: a path, or a name in the first of some places that has it; raises :class:`ConfigError`."""
-    for folder in (Path(name).expanduser(), *(place / name for place in places)):
+    for folder in (absolute_path(name), *(place / name for place in places)):
         if (folder / "row.json").exists():
             return folder.resolve()
     known = sorted({path.parent.name for place in places for path in place.glob("*/row.json")})

@@ -20,11 +20,11 @@ import numpy as np
 import pyarrow as pa
 
 from segar.experiments.benchmarking.protocol import PLAYERS, PROTOCOL
-from segar.experiments.runs.files import read_json, read_table, write_bytes, write_parquet, write_text
+from segar.experiments.runs.files import make_folder, read_json, read_table, write_bytes, write_parquet, write_text
 from segar.experiments.runs.run_folder import differences, write_json
 from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import RunFolderError
-from segar.support import first_line, locked, sha256_of, shown
+from segar.support import locked, sha256_of, shown
 
 FORMAT = 1
 ROW, TABLE, MEANS, PIECE = "row.json", "episodes.parquet", "levels.parquet", "piece.json"
@@ -53,7 +53,8 @@ TRAINED = (*PLAYED, "algorithm", "curriculum", "determinism", "task", "trials")
 """The settings by which a row is made again; none says where files lie."""
 LEVEL = (*KEYS, "levels", "level")
 LEVEL_MEANS = pa.schema([*(EPISODES.field(name) for name in (*LEVEL, "return")), ("success", pa.float64())])
-NAME = re.compile(r"[\w+-][\w .+-]{0,99}")
+LONGEST_NAME = 100
+NAME = re.compile(rf"[\w+-][\w .+-]{{0,{LONGEST_NAME - 1}}}")
 """What the names of rows are made of: they name folders, and stand in pages."""
 FORM = {
     "format": int,
@@ -183,6 +184,10 @@ class Row:
         """The episodes or, where the folder lacks them, the means of :func:`means_of`."""
         return _checked(self.folder / MEANS, LEVEL_MEANS, self.pieces) if TABLE in self.lacks else self.episodes()
 
+    def trusted_method(self, trusted: Collection[str], names: Collection[str]) -> "Method":
+        """The method with the settings of these names alone; raises as :meth:`settings`. What plays is made of no other."""
+        return dataclasses.replace(self.method, settings=self.settings(trusted, names))
+
     def settings(self, trusted: Collection[str], names: Collection[str]) -> Mapping[str, Any]:
         """The settings of the method that have these names, as something may be made of them.
 
@@ -290,13 +295,9 @@ def _check_drawn(path: Path, data: Mapping[str, Any], drawn: Sequence[Drawn]) ->
 def _checked(path: Path, schema: pa.Schema, pieces: Sequence[Piece]) -> pa.Table:
     """The table of a row; raises :class:`RunFolderError` where columns are others, a number is absent or not finite, or a level
     set of a piece is not there."""
-    table = read_table(path)
+    table = read_table(path, schema=schema)
     if table.schema.names != schema.names:
         raise RunFolderError(f"{path}: it has other columns than {', '.join(schema.names)}")
-    try:
-        table = table.cast(schema)
-    except pa.ArrowException as error:
-        raise RunFolderError(f"{path}: its columns are of other kinds: {first_line(error)}") from error
     for one in schema:
         is_number = pa.types.is_floating(one.type)
         if table[one.name].null_count or (is_number and not np.isfinite(table[one.name]).all()):
@@ -335,9 +336,12 @@ def add_pieces(folder: Path, method: Method, new: Sequence[NewPiece]) -> Row:
     Raises:
         RunFolderError: the folder holds the row of another method, or cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     with locked(folder.parent, RunFolderError, "start the command again later", WAIT):
         before = row_of(folder, method)
+        own = {TABLE, MEANS, *(one.piece.file for one in new)}  # which a process that was killed may have left
+        if before is None and (others := {one.name for one in folder.glob("[!.]*")} - own):
+            raise RunFolderError(f"{folder} holds no row but {min(others)}; name another folder: rows=..., or row=...")
         added = {(one.piece.suite, one.piece.seed) for one in new}
         kept = [] if before is None else [one for one in before.pieces if (one.suite, one.seed) not in added]
         pieces = sorted([*kept, *(one.piece for one in new)], key=lambda one: (one.suite, one.seed))

@@ -8,7 +8,9 @@ from typing import Any
 from segar.errors import naming
 from segar.experiments.benchmarking.policy_process import SECONDS
 from segar.experiments.benchmarking.protocol import BUDGETS, ONNX, PLAYERS, SHIPPED, suites_named
-from segar.experiments.benchmarking.row import NAME, ROW, TRAINED, Method, Row
+from segar.experiments.benchmarking.row import LONGEST_NAME, NAME, ROW, TRAINED, Method, Row
+from segar.experiments.runs.files import absolute_path
+from segar.experiments.runs.own_modules import modules_named
 from segar.experiments.runs.run_folder import runs_root
 from segar.experiments.settings import (
     ConfigError,
@@ -17,6 +19,7 @@ from segar.experiments.settings import (
     RunConfig,
     RunFolderError,
     as_data,
+    plain_name,
     require,
     require_known,
     run_config,
@@ -82,13 +85,13 @@ class BenchmarkConfig:
 
     @property
     def trusted(self) -> tuple[str, ...]:
-        """The packages whose code rows may bring in."""
-        return (EVERYTHING,) if self.trust else ()
+        """The packages and modules whose code rows may bring in: those that the command names itself, or all."""
+        return (EVERYTHING,) if self.trust else tuple(modules_named([as_data(self.run), self.policy]))
 
     @property
     def folder(self) -> Path:
         """The folder of rows."""
-        return Path(self.rows).expanduser().resolve() if self.rows else runs_root(self.run) / ROWS
+        return absolute_path(self.rows) if self.rows else runs_root(self.run) / ROWS
 
     @property
     def places(self) -> tuple[Path, ...]:
@@ -129,7 +132,7 @@ def method_of(config: BenchmarkConfig) -> Method:
         return Method(config.row, "onnx" if config.is_onnx else "actions", says, settings=settings)
     settings = settings_of(run, config.training_levels)
     curriculum = [] if run.curriculum is None else [run.curriculum.name]
-    name = "-".join([run.algorithm.name, *curriculum, run.observation.name, config.budget])
+    name = plain_name("-".join([run.algorithm.name, *curriculum, run.observation.name, config.budget]))[:LONGEST_NAME]
     says = f"{run.algorithm.name} on {run.observation.name}, {run.scale.frames:,} frames on each suite with each seed"
     return Method(config.row or name, "networks", says, config.budget, run.scale.frames, settings)
 

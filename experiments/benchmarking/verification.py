@@ -56,7 +56,7 @@ def verify(
         RunFolderError: an episode is another one, levels are others, a suite is another version, or the row names code that
             is not trusted; the message names the first. Or the folder lacks the files of all pieces that are asked for.
     """
-    method = dataclasses.replace(row.method, settings=row.settings(trusted, PLAYED))
+    method = row.trusted_method(trusted, PLAYED)
     count, has_means, recorded = 0, TABLE in row.lacks, row.results()
     keys = list(zip(*(recorded[key].to_pylist() for key in KEYS), strict=True))
     chosen = [one for one in row.pieces if (not suites or one.suite in suites) and (not seeds or one.seed in seeds)]
@@ -99,7 +99,7 @@ def _verify_drawn(
             raise ConfigError(f"salt: {row.method.name} is code of somebody else's, which trust=true runs")
         say(f"{row.method.name}: drawn levels are not verified: its policy is code, which trust=true runs")
         return 0
-    method = dataclasses.replace(row.method, settings=row.settings(trusted, DRAWN))
+    method = row.trusted_method(trusted, DRAWN)
     commitment, stated = commitment_of_row(row), {(one.suite, one.seed): one for one in row.drawn}
     solved: list[tuple[Drawn, Drawn]] = []
     for piece in pieces:

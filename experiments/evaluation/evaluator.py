@@ -22,16 +22,13 @@ from segar.experiments.commands import process_defaults as runtime
 from segar.experiments.evaluation.causes import CAUSES, play_twins, suite_played
 from segar.experiments.evaluation.episodes import Agent, action_rng, as_policy, play_in_modes, trial_figures
 from segar.experiments.evaluation.transfers import LEVELS, OWN
-from segar.experiments.levels.builders import (
-    Prepared,
-    find_distribution,
-    in_own_world,
-    levels_in,
-)
+from segar.experiments.levels.builders import Prepared, find_distribution, in_own_world, levels_in
 from segar.experiments.levels.suite_levels import levels_of_suite
 from segar.experiments.runs.executed_code import changed_parts, code_after, differing_parts, executed_code, played_code
+from segar.experiments.runs.files import absolute_path, make_folder
 from segar.experiments.runs.own_modules import names_in, where_searched
 from segar.experiments.runs.run_folder import (
+    CONFIG,
     EPISODE_SCHEMA,
     EPISODES,
     EVALUATIONS,
@@ -83,7 +80,9 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
     runtime.set_process_defaults()
     if config.videos != "none":
         check_video(Path(f"best.{config.videos}"))
-    folder = Path(config.run).expanduser().resolve()
+    folder = absolute_path(config.run)
+    if config.out and (absolute_path(config.out) / CONFIG).exists():
+        raise ConfigError(f"out: {config.out} holds a run, whose results would be replaced; name another folder")
     found = read_config(folder, config.trusted)
     trained = dataclasses.replace(found, num_threads=config.num_threads)
     import_named(trained)
@@ -124,7 +123,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> RunE
         sizes = ("planner_samples", "planner_iterations")
         summary["planner"] = {name: getattr(config, name) for name in sizes}
     summary["code"] = code_after(code, say)
-    out = Path(config.out).expanduser().resolve() if config.out else folder / EVALUATIONS / label(config, levels)
+    out = absolute_path(config.out) if config.out else folder / EVALUATIONS / label(config, levels)
     before = (read_evaluation(out) or {}).get("code")
     if before is not None and (replaced := differing_parts(before, code)):
         say(f"note: an evaluation by other code lay there, and is replaced; changed since: {', '.join(replaced)}")
@@ -225,7 +224,7 @@ def as_played(run: str | Path, levels: str = "test") -> dict[str, Any]:
     Raises:
         SegarError: there is no such run or level set, no weights, or the agent cannot observe these levels.
     """
-    folder = Path(run).expanduser().resolve()
+    folder = absolute_path(run)
     trained = read_config(folder)
     import_named(trained)
     found = find_levels(EvaluateConfig(str(folder), levels=levels), folder, trained)
@@ -317,10 +316,7 @@ def write(
 ) -> None:
     """Writes levels, episodes, summary, and the network that played where it is portable; raises :class:`SegarError` if that is
     impossible."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFolderError(f"cannot make the folder {out}: {error.strerror}") from error
+    make_folder(out)
     for name in (SUMMARY, CAUSES, NETWORK_FILE):  # of an evaluation that is replaced; a summary belongs to the others
         (out / name).unlink(missing_ok=True)
     levels.save(out / LEVELS)

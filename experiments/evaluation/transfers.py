@@ -25,7 +25,7 @@ from segar.experiments.runs.run_folder import (
     of_another_agent,
     read_evaluation,
 )
-from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, as_data
+from segar.experiments.settings import LevelsConfig, ObservationConfig, RunConfig, as_data, plain_name
 from segar.experiments.settings.run import digest
 from segar.levels import Levels, hash_of_levels, mixed_levels
 
@@ -59,7 +59,7 @@ class Transfer:
     def folder_name(self) -> str:
         """Names the folder in ``evaluations/``; equal for equal levels and looks."""
         data = {key: value for key, value in as_data(self).items() if key != "label" and value is not None}
-        return f"transfer-{''.join(c if c.isalnum() or c in '-_.' else '_' for c in self.label)}-{digest(data)}"
+        return f"transfer-{plain_name(self.label)}-{digest(data)}"
 
     def folder(self, run: RunConfig) -> Path:
         """Where the results of this run's agent lie."""

@@ -80,12 +80,8 @@ def check_groups(place: str, groups: Mapping[str, Sequence[str]]) -> None:
     for name, members in groups.items():
         listed = not isinstance(members, str) and bool(members) and all(isinstance(one, str) for one in members)
         require(listed, f"{place}.{name}", members, "a list of factors and parameters, such as [Position, Size]")
-        require(
-            name not in RESERVED_GROUPS,
-            f"{place}.{name}",
-            name,
-            f"another name: {', '.join(RESERVED_GROUPS)} are taken",
-        )
+        other = f"another name: {', '.join(RESERVED_GROUPS)} are taken"
+        require(name not in RESERVED_GROUPS, f"{place}.{name}", name, other)
         require(SEPARATOR not in name, f"{place}.{name}", name, f"a name without {SEPARATOR}")
 
 
@@ -144,12 +140,8 @@ def check_between(place: str, between: Mapping[str, Any]) -> None:
         isinstance(values, list | tuple) and len({*map(str, values)}) == 2 == len(values) for values in between.values()
     )
     check_columns(place, between)
-    require(
-        len(between) < 2 and pairs,
-        place,
-        dict(between),
-        "one column with two different values, such as {algorithm: [curl, ppo]}",
-    )
+    wanted = "one column with two different values, such as {algorithm: [curl, ppo]}"
+    require(len(between) < 2 and pairs, place, dict(between), wanted)
 
 
 def check_column(place: str, name: str) -> None:
@@ -273,9 +265,8 @@ class ClaimConfig:
     )
 
     def __post_init__(self) -> None:
-        require(
-            self.test != "difference" or bool(self.between), "between", {}, "a column with two values, for a difference"
-        )
+        has_values = self.test != "difference" or bool(self.between)
+        require(has_values, "between", {}, "a column with two values, for a difference")
         is_other = self.test != "correlation" or self.of not in (self.against, *self.given)
         require(is_other, "of", self.of, "another column than those that it is correlated with, or that are given")
 
@@ -326,9 +317,8 @@ def experiment_at(name: str, data: Mapping[str, Any], scale: str) -> Experiment 
     config = construct(ExperimentConfig, data, place)
     require(bool(config.grid) or bool(config.study), place, dict(data), "an experiment with a grid, a study, or both")
     for key in ("transfers", "probes", "attribution", "claims"):
-        require(
-            bool(config.grid) or not getattr(config, key), f"{place}.{key}", data.get(key), "beside a grid of agents"
-        )
+        fits = bool(config.grid) or not getattr(config, key)
+        require(fits, f"{place}.{key}", data.get(key), "beside a grid of agents")
     construct(GridConfig, config.grid, f"{place}.grid")
     if not config.scales:
         return settings_at(name, config, {}, place)

@@ -8,10 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import pyarrow as pa
+
+from segar.errors import naming
 from segar.experiments.evaluation.transfers import RunTask
 from segar.experiments.runs.files import read_table
 from segar.experiments.runs.run_folder import PROBES
-from segar.experiments.settings import ConfigError, RunFolderError
+from segar.experiments.settings import ConfigError
 
 RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 
@@ -56,12 +59,8 @@ def read_imported_results(folders: Sequence[Path]) -> ImportedResults:
 
 def columns(path: Path, *names: str) -> list[list[str]]:
     """Columns of a table as lists. They are empty where the file is missing or has no columns, because it has no rows."""
-    if not path.exists():
-        return [[] for _ in names]
-    try:
-        table = read_table(path)
-        return [table[name].to_pylist() if table.num_columns else [] for name in names]
-    except RunFolderError as error:
-        raise ConfigError(f"imported: {error}") from error
-    except KeyError as error:
-        raise ConfigError(f"imported: {path} lacks a column: {error.args[0]}") from error
+    with naming("imported", ConfigError):
+        if not (path.exists() and read_table(path).num_columns):
+            return [[] for _ in names]
+        table = read_table(path, schema=pa.schema([(name, pa.string()) for name in names]))
+        return [table[name].to_pylist() for name in names]

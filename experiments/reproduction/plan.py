@@ -4,6 +4,7 @@ import dataclasses
 import socket
 import statistics
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import combinations
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from segar.cli import table
+from segar.errors import SegarError
 from segar.experiments.evaluation.probing import ProbeConfig
 from segar.experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
 from segar.experiments.levels.builders import Prepared
@@ -293,11 +295,12 @@ def measure_speeds(root: Path) -> Speeds:
         in_one_go = [entry["event"] for entry in journal] == ["started", "finished"]
         if not (in_one_go and journal[0].get("host") == socket.gethostname() and is_finished(folder)):
             continue
-        summary, kind = read_summary(folder), kind_of(read_config(folder))
-        if summary.get("seconds"):
-            begun, ended = (datetime.fromisoformat(entry["time"]) for entry in journal)
-            frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
-            beside.setdefault(kind, []).append(max((ended - begun).total_seconds() - summary["seconds"], 0.0))
+        with suppress(SegarError):  # a run of somebody else, or by code that is gone, is nothing to a plan
+            summary, kind = read_summary(folder), kind_of(read_config(folder))
+            if summary["seconds"]:
+                begun, ended = (datetime.fromisoformat(entry["time"]) for entry in journal)
+                frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
+                beside.setdefault(kind, []).append(max((ended - begun).total_seconds() - summary["seconds"], 0.0))
     by_kind = [{kind: statistics.median(values) for kind, values in found.items()} for found in (frames, beside)]
     return Speeds(by_kind[0], by_kind[1], sum(map(len, frames.values())))
 

@@ -23,6 +23,8 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from segar.experiments.runs.files import make_folder
+
 LAST_WORDS = 10.0  # [s] for a checkpoint, when the owner of the pool has ended
 
 
@@ -62,7 +64,7 @@ def run_jobs(
         ended(result)
 
     for job in jobs:
-        job.log.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(job.log.parent)
         job.log.unlink(missing_ok=True)  # a log that exists says that its job has begun
     remaining = list(jobs)
     while remaining:
@@ -80,13 +82,12 @@ def _run_pool(jobs: list[Job], work: Callable[[Any], Any], processes: int, end: 
         futures: dict[Future[JobResult], Job] = {pool.submit(_run_job, work, job): job for job in jobs}
         for future in as_completed(futures):
             job = futures[future]
-            match future.exception():
-                case None:
-                    end(future.result())
-                case BrokenProcessPool():
-                    broken.append(job)
-                case error:
-                    end(JobResult(job, time.monotonic() - began, f"{type(error).__name__}: {error}"))
+            error = future.exception()
+            if isinstance(error, BrokenProcessPool):
+                broken.append(job)
+            else:
+                told = f"{type(error).__name__}: {error}"
+                end(future.result() if error is None else JobResult(job, time.monotonic() - began, told))
     begun = [job for job in broken if job.log.exists()]
     for job in begun or broken[:1]:  # at least one, or a pool that cannot start would be tried for ever
         end(JobResult(job, time.monotonic() - began, "its process, or one beside it, ended abruptly (out of memory?)"))

@@ -54,12 +54,8 @@ class StudyFile:
 
     def as_data(self) -> dict[str, Any]:
         """Plain data that says it all."""
-        return {
-            "name": self.name,
-            **self.experiment,
-            "settings": dict(self.settings),
-            "module_path": [str(self.folder)],
-        }
+        own = {"settings": dict(self.settings), "module_path": [str(self.folder)]}
+        return {"name": self.name, **self.experiment, **own}
 
 
 def read_study(path: Path) -> StudyFile:
@@ -81,12 +77,8 @@ def read_study(path: Path) -> StudyFile:
         experiment = {key: value for key, value in data.items() if key != "settings"}
         experiment_at(path.stem, experiment, next(iter(config.scales), ""))
         for name, values in config.grid.items():
-            require(
-                values != [],
-                f"grid.{name}",
-                values,
-                "a list of one or more; leave it out, and it is as the scale has it",
-            )
+            wanted = "a list of one or more; leave it out, and it is as the scale has it"
+            require(values != [], f"grid.{name}", values, wanted)
         check_settings(config.settings, config.grid, "settings.")
     except ConfigError as error:
         raise ConfigError(f"{path}: {str(error).replace(f'grids.{path.stem}.', '')}") from error

@@ -10,8 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from segar import support
+from segar.errors import did_you_mean
 from segar.experiments.settings import RunFolderError
-from segar.support import data_in, files
+from segar.support import data_in, files, first_line, shown
 
 ADVICE = (
     "what was there before is untouched. Make room or give access, then start the same command again: it goes on from the"
@@ -26,6 +27,25 @@ def replacing(path: Path) -> AbstractContextManager[Path]:
         RunFolderError: the system refuses, for example because the disk is full; what was at ``path`` is untouched.
     """
     return files.replacing(path, path.name, RunFolderError, ADVICE, folder=True)
+
+
+def absolute_path(path: Path | str) -> Path:
+    """The absolute path of a file or folder, ~ and links resolved; raises :class:`RunFolderError` where there can be none."""
+    try:
+        found = Path(path).expanduser().resolve()
+        str(found).encode()  # not every library takes names that are no text
+        found.exists()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise RunFolderError(f"{shown(str(path))} is no place for files: {error}") from error
+    return found
+
+
+def make_folder(path: Path) -> None:
+    """Makes a folder unless it is there; raises :class:`RunFolderError` where the system refuses."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(f"cannot make the folder {path}: {error.strerror}; choose another one") from error
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -57,10 +77,23 @@ def read_json(path: Path, form: Any = dict, only: bool = False) -> Any:
     return data_in(path, f"a {path.name}", RunFolderError, form=form, only=only)
 
 
-def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+def read_table(path: Path, columns: Sequence[str] | None = None, schema: pa.Schema | None = None) -> pa.Table:
     """The table in a Parquet file.
 
+    Args:
+        schema: the columns that it must have, which come in these types; others are left as they are.
+
     Raises:
-        RunFolderError: there is no such file, it is no table, or would take more memory than the limit.
+        RunFolderError: there is no such file, it is no table, lacks a column, has one of another kind, or would take more
+            memory than the limit.
     """
-    return support.read_table(path, "table", RunFolderError, columns)
+    table = support.read_table(path, "table", RunFolderError, columns)
+    for one in () if schema is None else schema:
+        place, hint = table.schema.get_field_index(one.name), did_you_mean(one.name, table.schema.names)
+        if place < 0:
+            raise RunFolderError(f"{path} has no column '{one.name}', or several.{hint}")
+        try:
+            table = table.set_column(place, one, table.column(place).cast(one.type))
+        except pa.ArrowException as error:
+            raise RunFolderError(f"{path}: its column '{one.name}' is of another kind: {first_line(error)}") from error
+    return table

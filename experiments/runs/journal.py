@@ -16,9 +16,10 @@ from typing import Any
 from segar.experiments.commands.signals import Stopped
 from segar.experiments.runs.run_folder import JOURNAL
 from segar.experiments.settings import RunFolderError
-from segar.support import content_of
+from segar.support import content_of, from_json, misfit
 
 PREPARATION = "preparation"  # what a run does before its first frame
+LINE = {"event": str, "time": str, "process?": int, "host?": str, "frames?": int, "error?": str}
 
 
 class Journal:
@@ -81,7 +82,7 @@ def _account(error: BaseException) -> dict[str, Any]:
 
 def _parsed(line: str) -> dict[str, Any] | None:
     try:
-        entry = json.loads(line)
-    except (ValueError, RecursionError):
+        entry = from_json(line.encode())
+    except ValueError:
         return None
-    return entry if isinstance(entry, dict) and "event" in entry else None
+    return None if misfit(entry, LINE) else entry

@@ -17,12 +17,7 @@ OURS = "segar"
 # In a checkout, the latter two are links to folders beside the first.
 OUR_FOLDERS = tuple((Path(segar.__file__).parent / name).resolve() for name in ("", "experiments", "analysis"))
 # Where a learner's own code ends: what these rooms do decides no weight.
-LEARNING = (
-    "segar.experiments.algorithms",
-    "segar.experiments.collection",
-    "segar.experiments.curricula",
-    "segar.experiments.networks",
-)
+LEARNING = tuple(f"segar.experiments.{room}" for room in ("algorithms", "collection", "curricula", "networks"))
 MODULE_PATH = "module_path"
 NO_CODE = ("tracking", "root", "folder", MODULE_PATH)  # settings that name nothing which is imported
 

@@ -31,17 +31,10 @@ from typing import Any
 import pyarrow as pa
 import yaml
 
-from segar.experiments.runs.files import read_json, read_table, write_parquet, write_text
+from segar.experiments.runs.files import absolute_path, make_folder, read_json, read_table, write_parquet, write_text
 from segar.experiments.runs.own_modules import folders_of, modules_named, own_packages
 from segar.experiments.runs.trust import settings_of_file, signed
-from segar.experiments.settings import (
-    ConfigError,
-    RunConfig,
-    RunFolderError,
-    as_data,
-    run_config,
-    without_password,
-)
+from segar.experiments.settings import ConfigError, RunConfig, RunFolderError, as_data, run_config, without_password
 from segar.support import LOCK, UNFINISHED, WORKSPACE, content_of, locked, read_yaml, remove_unfinished
 
 CONFIG = "config.yaml"
@@ -86,10 +79,17 @@ METRIC_SCHEMA = pa.schema(
     ]
 )
 
+ARITHMETIC = {**dict.fromkeys(("instruction_set", "precision", "device", "determinism", "processor"), str), "threads": int,
+              "limits": dict}  # fmt: skip
+VERSIONS_FORM = {
+    "python": str, "libraries": {str: (str, None)}, "git": ({"commit": str, "changed": bool}, None), "code": {str: str},
+    "levels?": {str: str}, "arithmetic?": ARITHMETIC, "arithmetic_before?": [ARITHMETIC],
+}  # fmt: skip
+
 
 def root_folder(root: str | None) -> Path:
     """Absolute path of the folder that holds run folders and MLflow's store; None means ``runs/`` of the checkout, or here."""
-    return Path(root).expanduser().resolve() if root else WORKSPACE / "runs"
+    return absolute_path(root) if root else WORKSPACE / "runs"
 
 
 def runs_root(config: RunConfig) -> Path:
@@ -99,9 +99,7 @@ def runs_root(config: RunConfig) -> Path:
 
 def folder_path(config: RunConfig) -> Path:
     """Absolute path of the run's folder."""
-    if config.folder:
-        return Path(config.folder).expanduser().resolve()
-    return runs_root(config) / config.label()
+    return absolute_path(config.folder) if config.folder else runs_root(config) / config.label()
 
 
 def is_finished(folder: Path) -> bool:
@@ -133,10 +131,7 @@ def use_run_folder(config: RunConfig) -> Iterator[Path]:
             ``config`` forbids to resume the run that it holds.
     """
     folder = folder_path(config)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFolderError(f"cannot use the run folder {folder}: {error.strerror}") from error
+    make_folder(folder)
     with lock(folder):
         _occupy(folder, config)
         remove_unfinished(folder)
@@ -281,7 +276,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
     path = Path(folder) / SUMMARY
     if not path.exists():
         raise RunFolderError(f"the run in {folder} is not finished: there is no {SUMMARY}")
-    return read_json(path)
+    return read_json(path, {"frames": int, "seconds": float, "evaluation_seconds?": float})
 
 
 def read_evaluation(place: Path) -> dict[str, Any] | None:
@@ -302,17 +297,17 @@ def of_another_agent(folder: Path, evaluation: Mapping[str, Any]) -> str:
 def read_versions(folder: Path) -> dict[str, Any]:
     """Libraries, commit, code fingerprint and level hashes of the run; empty before it has begun."""
     path = Path(folder) / VERSIONS
-    return read_json(path) if path.exists() else {}
+    return read_json(path, VERSIONS_FORM) if path.exists() else {}
 
 
 def read_episodes(folder: Path) -> pa.Table:
-    """The evaluation episodes, :data:`EPISODE_SCHEMA`."""
-    return read_table(Path(folder) / EPISODES)
+    """The evaluation episodes, :data:`EPISODE_SCHEMA`, of a run or of an evaluation; raises :class:`RunFolderError`."""
+    return read_table(Path(folder) / EPISODES, schema=EPISODE_SCHEMA)
 
 
 def read_metrics(folder: Path) -> pa.Table:
     """The figures over time, :data:`METRIC_SCHEMA`; raises :class:`RunFolderError` if they are not readable."""
-    return read_table(Path(folder) / METRICS)
+    return read_table(Path(folder) / METRICS, schema=METRIC_SCHEMA)
 
 
 def read_played(folder: Path) -> pa.Table:

@@ -49,11 +49,7 @@ UNREADABLE = "unreadable"
 ALWAYS = ("levels.train", "levels.count", "levels.seed", "algorithm.name", "observation.name", "seed")
 DERIVED = ("algorithm.kind", "algorithm._target_")  # settings that follow from others
 # The settings that decide a part of the executed code, by how their names begin; all runs share the other parts.
-DECIDE_CODE = {
-    "kernel": ("levels.", "task."),
-    "levels": ("levels.",),
-    "learner": ("algorithm.kind",),
-}
+DECIDE_CODE = {"kernel": ("levels.", "task."), "levels": ("levels.",), "learner": ("algorithm.kind",)}
 DECIDE_NO_CODE = ("levels.count", "levels.seed", "levels.design", "levels.test_count", "levels.test_seed")
 LAST_DISTANCES = ("w2_reference", "w2_paper", "ks")  # stand behind all other modes of W2
 NAMED = 3  # runs that a warning names

@@ -101,6 +101,7 @@ from .run import (
     as_data as as_data,
     is_distribution as is_distribution,
     named_distributions as named_distributions,
+    plain_name as plain_name,
 )
 
 __all__ = [

@@ -243,14 +243,12 @@ class PPGConfig(PPOConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(
-            self.shared is False, "algorithm.shared", self.shared, "false: policy and value have networks of their own"
-        )
+        own = "false: policy and value have networks of their own"
+        require(self.shared is False, "algorithm.shared", self.shared, own)
         pieces = self.num_envs * self.num_steps // self.steps_together
         most = f"at most the {pieces} pieces of steps_together={self.steps_together} in a rollout"
-        require(
-            self.auxiliary_minibatches <= pieces, "algorithm.auxiliary_minibatches", self.auxiliary_minibatches, most
-        )
+        parts = self.auxiliary_minibatches
+        require(parts <= pieces, "algorithm.auxiliary_minibatches", parts, most)
 
 
 @dataclass(frozen=True)

@@ -286,7 +286,12 @@ class RunConfig(Settings):
         levels = "-".join((levels, *(name for name in special if name)))
         count, curriculum = f"n{self.levels.count}", () if self.curriculum is None else (self.curriculum.name,)
         parts = (levels, count, self.observation.name, self.algorithm.name, *curriculum, f"s{self.seed}")
-        return "-".join((*("".join(c if c.isalnum() or c in "_-." else "_" for c in p) for p in parts), self.hash))
+        return "-".join((*map(plain_name, parts), self.hash))
+
+
+def plain_name(text: str) -> str:
+    """The text with _ in place of all characters that a name of a folder should not have."""
+    return "".join(c if c.isalnum() or c in "_-." else "_" for c in text)
 
 
 def digest(data: Any) -> str:

@@ -1,6 +1,7 @@
 """One run from settings to run folder: levels, training, evaluation, distances, summary."""
 
 import dataclasses
+import os
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -85,7 +86,7 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     runtime.set_process_defaults(1 if config.determinism == "portable" else config.num_threads)
     kind = learner_class(config.algorithm)  # before a run folder is made: it may not fit
     prepared = Prepared(config)
-    is_new = not folder_path(config).exists()
+    is_new = not os.path.exists(folder_path(config))  # of a name that is too long, too, as making it says
     if is_new:
         prepared.check_names()
     # The levels' own task may lie elsewhere than the levels; settings that do not name it say nothing of its place.

@@ -13,20 +13,7 @@ import numpy as np
 from segar.engine import Simulator, State, StepResult, generate
 from segar.envs import world_of
 from segar.errors import SegarError
-from segar.language import (
-    Alive,
-    Charge,
-    Factor,
-    Flag,
-    Mass,
-    Object,
-    Position,
-    Rule,
-    Size,
-    Task,
-    Velocity,
-    Visible,
-)
+from segar.language import Alive, Charge, Factor, Flag, Mass, Object, Position, Rule, Size, Task, Velocity, Visible
 from segar.levels import LevelDistribution, Levels, Prior, checks, rule_space_of
 from segar.noise import GaussianNoise2D, UniformNoise
 from segar.rules import DEFAULT_RULES, RuleOption, RuleSpace, World

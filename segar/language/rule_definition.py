@@ -12,16 +12,7 @@ from segar.language.parameters import Parameter
 from segar.language.pickling import ByName
 from segar.language.relations import Relation, as_relation
 from segar.language.signature import Pattern, Signature, code_place, read_signature, symbolic_arguments
-from segar.language.tracing import (
-    Tree,
-    effects_leaf,
-    effects_of,
-    is_same,
-    number_leaf,
-    symbols_of,
-    trace,
-    truth_leaf,
-)
+from segar.language.tracing import Tree, effects_leaf, effects_of, is_same, number_leaf, symbols_of, trace, truth_leaf
 
 SPECIFICITY_THING = 4  # an argument's entity class makes a rule this specific (2022: rules)
 SPECIFICITY_OBJECT = 5

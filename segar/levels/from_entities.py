@@ -6,18 +6,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError
-from segar.language import (
-    ID,
-    Entity,
-    GlobalFriction,
-    Label,
-    Layout,
-    Parameter,
-    Shape,
-    Slot,
-    entity_name,
-    name_slots,
-)
+from segar.language import ID, Entity, GlobalFriction, Label, Layout, Parameter, Shape, Slot, entity_name, name_slots
 from segar.levels.level_data import LevelData, Provenance, layout_on_floor
 from segar.rules import World
 from segar.support import __version__

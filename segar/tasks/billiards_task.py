@@ -22,14 +22,7 @@ from segar.language import (
     VectorValue,
     Velocity,
 )
-from segar.tasks.puttputt_task import (
-    ARENA_DIAGONAL,
-    DEATH_PENALTY,
-    IMPULSE,
-    factor_of,
-    push_towards,
-    require_finite,
-)
+from segar.tasks.puttputt_task import ARENA_DIAGONAL, DEATH_PENALTY, IMPULSE, factor_of, push_towards, require_finite
 
 CUE_SPEED = 4.0  # [m/s] of the scripted player
 REWARDS = ("distance", "potted")

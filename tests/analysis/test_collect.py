@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,11 +12,12 @@ import pytest
 from segar.analysis.collect import CollectConfig, collect, collect_tables
 from segar.analysis.collected_rows import software
 from segar.analysis.plotting.style import colours
+from segar.errors import SegarError
 from segar.experiments.reproduce import ReproduceConfig, write_plan
 from segar.experiments.reproduction.experiment_file import experiment_at
 from segar.experiments.reproduction.plan import make_plan
 from segar.experiments.runs.executed_code import combined
-from segar.experiments.runs.run_folder import PROBES, SUMMARY, folder_path, write_json
+from segar.experiments.runs.run_folder import PROBES, SUMMARY, VERSIONS, folder_path, write_json
 from segar.experiments.settings import RunFolderError, ScaleConfig, TrackingConfig, TrackingError
 from tests.synthetic_runs import MADE_WITH, settings, write_run, write_transfer
 
@@ -162,6 +164,30 @@ def test_a_transfer_of_other_weights_than_the_runs_is_missing(tmp_path):
 def test_a_folder_without_a_plan_is_refused(tmp_path):
     with pytest.raises(RunFolderError, match="holds no plan"):
         collect(CollectConfig(str(tmp_path)))
+
+
+@pytest.mark.parametrize(
+    ("path", "change", "why"),
+    [
+        ("plan.json", lambda data: data.clear(), "'name' is absent"),
+        ("plan.json", lambda data: data["experiments"][0].update(name="../../elsewhere"), "name: .* must be one part"),
+        ("plan.json", lambda data: data["experiments"][0]["runs"][0].update(folder=3), "folder' must be str, not 3"),
+        (SUMMARY, lambda data: data.update(seconds="long"), "'seconds' must be float"),
+        (VERSIONS, lambda data: data.pop("code"), "'code' is absent"),
+    ],
+)
+def test_what_is_wrong_with_a_plan_or_a_run_is_named(made, tmp_path, path, change, why):
+    root = Path(shutil.copytree(made[0].run.root, tmp_path / "runs"))
+    results = root / made[0].folder.relative_to(made[0].run.root)
+    plan = json.loads((results / "plan.json").read_text())
+    (results / "plan.json").write_text(json.dumps({**plan, "runs": str(root)}))
+    file = results / path if path == "plan.json" else root / plan["experiments"][0]["runs"][0]["folder"] / path
+    data = json.loads(file.read_text())
+    change(data)
+    file.write_text(json.dumps(data))
+    with pytest.raises(SegarError, match=f"{file.name}: .*{why}"):
+        collect(CollectConfig(str(results)))
+    assert not list(tmp_path.rglob("elsewhere*"))
 
 
 def test_tables_of_others_do_not_choose_where_anything_is_sent(made, tmp_path):

@@ -100,5 +100,5 @@ def test_a_damaged_table_is_told(there, tmp_path):
     with pytest.raises(ConfigError, match=r"imported: .*cannot read the table .*probes.parquet"):
         planned_with(tmp_path / "here", other.folder)
     pd.DataFrame({"seed": [1]}).to_parquet(other.folder / "probes.parquet")
-    with pytest.raises(ConfigError, match=r"imported: .*probes.parquet lacks a column: .*run"):
+    with pytest.raises(ConfigError, match=r"imported: .*probes.parquet has no column 'run'"):
         planned_with(tmp_path / "here", other.folder)

@@ -12,18 +12,7 @@ from numbers import Real
 from typing import Any, Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
 from segar.errors import RuleError
-from segar.language import (
-    Acceleration,
-    Aggregate,
-    Charge,
-    Factor,
-    Mass,
-    Position,
-    VectorValue,
-    Velocity,
-    sqrt,
-    where,
-)
+from segar.language import Acceleration, Aggregate, Charge, Factor, Mass, Position, VectorValue, Velocity, sqrt, where
 from segar.noise import Choice, Noise
 from segar.rules.rule_option import RuleOption
 from segar.rules.templates.arguments import made_constant, require_numbers

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from segar.envs import VectorEnv
+from segar.errors import SegarError
 from segar.experiments.benchmark import (
     BenchmarkConfig,
     again,
@@ -23,12 +25,13 @@ from segar.experiments.benchmark import (
 )
 from segar.experiments.benchmarking import protocol
 from segar.experiments.benchmarking.drawn import draw, play_drawn
-from segar.experiments.benchmarking.panel import PanelTask, play_panel, read_panel
+from segar.experiments.benchmarking.panel import PanelTask, network_for, play_panel, read_panel
 from segar.experiments.benchmarking.players import PlayerTask, make_piece
 from segar.experiments.benchmarking.playing import read_actions, write_actions
 from segar.experiments.benchmarking.protocol import PLAYERS, SHIPPED, suites_named
 from segar.experiments.benchmarking.row import (
     EPISODES,
+    NAME,
     ROW,
     TABLE,
     add_pieces,
@@ -41,6 +44,7 @@ from segar.experiments.benchmarking.row import (
 )
 from segar.experiments.benchmarking.verification import is_verified, verify
 from segar.experiments.commands.overrides import with_own_names
+from segar.experiments.reproduction.process_pool import Job, JobResult
 from segar.experiments.settings import (
     ConfigError,
     ObservationConfig,
@@ -326,10 +330,60 @@ def test_recorded_actions_are_practice_alone_and_a_policy_must_be_the_one_that_w
 
 def test_a_panel_of_players_whose_places_are_known_is_green(tmp_path, few_drawn):
     path = tmp_path / "panel.json"
-    play_panel(PanelTask(SUITE, SHIPPED / "ppo_fast-state-laptop", path))
+    play_panel(PanelTask(SUITE, network_for(SUITE, [read_row(SHIPPED / "ppo_fast-state-laptop")], ()), path))
     lines = {one["player"]: one for one in read_panel(path)}
     assert len(lines) == 8 and all(one["right"] for one in lines.values()), lines
     assert lines["planner (privileged)"]["drawn"] == 1 > lines["replay of the practice plans"]["drawn"]
+
+
+def test_the_panel_brings_in_no_code_of_others(tmp_path):
+    row = read_row(Path(shutil.copytree(SHIPPED / "ppo_fast-state-laptop", tmp_path / "theirs")))
+    observation = {"name": f"{LAB}:policy", "options": {}}
+    theirs = edited(row, settings={**row.method.settings, "observation": observation})
+    with pytest.raises(RunFolderError, match=f"names code that would be imported: {LAB}:policy"):
+        network_for(SUITE, [theirs], ())
+    named = BenchmarkConfig(RunConfig(observation=ObservationConfig(observation["name"])))
+    assert network_for(SUITE, [theirs], named.trusted), "what the command itself names is trusted"
+
+
+def in_this_process(logs, waiting, processes, work):
+    """Stands for the pool of processes."""
+    failed = []
+    for name, (task, _) in waiting.items():
+        try:
+            work(task)
+        except SegarError as error:
+            failed.append(JobResult(Job(name, task, logs / name), 1.0, str(error)))
+    return failed
+
+
+def test_what_failed_is_part_of_no_row_and_its_cause_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("segar.experiments.benchmark.do_all", in_this_process)
+    make_row(config_of(tmp_path, policy=f"{LAB}:policy", row="mine"))
+    other = config_of(tmp_path, policy=f"{LAB}:no_function", row="mine", rows=str(tmp_path / "others"))
+    with pytest.raises(TrainingError, match="it must be a function of a suite's training side"):
+        make_row(other)
+    assert not (other.folder / "mine").exists(), "the actions of the first policy lie where the other's would"
+
+    def fail(task):
+        raise ConfigError("the planner solves nothing")
+
+    monkeypatch.setattr("segar.experiments.benchmark.play_panel", fail)
+    with pytest.raises(TrainingError, match=f"{SUITE}: the planner solves nothing") as told:
+        benchmark(config_of(tmp_path, panel=True))
+    assert "there are no tables" not in str(told.value)
+
+
+def test_rows_of_own_observations_have_names_that_can_be_read():
+    run = RunConfig(observation=ObservationConfig("my_lab.views:" + "Wide" * 40))
+    name = method_of(BenchmarkConfig(run)).name
+    assert NAME.fullmatch(name) and name.startswith("ppo-my_lab.views_Wide")
+
+
+def test_a_suite_that_a_row_lacks_is_not_verified_without_a_word(idle):
+    config = config_of(idle.folder.parents[1], verify=("idle",), suites=(WITH_TWINS,))
+    with pytest.raises(ConfigError, match=f"suite: .*{WITH_TWINS}.* must be one that idle was played on"):
+        benchmark(config)
 
 
 def test_another_policy_and_other_code_are_no_part_of_a_row(tmp_path):

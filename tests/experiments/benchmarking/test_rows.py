@@ -125,6 +125,15 @@ def test_the_row_of_another_method_is_not_added_to(row):
         row_of(row.folder, other)
 
 
+def test_a_folder_that_holds_something_else_becomes_no_row(tmp_path):
+    own = tmp_path / "rows" / "mine" / "own.npz"
+    own.parent.mkdir(parents=True)
+    own.write_bytes(b"mine")
+    with pytest.raises(RunFolderError, match=r"holds no row but own\.npz; name another folder"):
+        add_pieces(own.parent, METHOD, [piece_of(tmp_path / "new")])
+    assert [*own.parent.iterdir()] == [own]
+
+
 def test_files_in_other_folders_are_refused(row):
     path = row.folder / ROW
     path.write_text(path.read_text().replace("a-v1-s1.npz", "../a-v1-s1.npz"))

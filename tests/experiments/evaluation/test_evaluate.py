@@ -225,6 +225,8 @@ def test_edited_settings_of_a_run_are_told(trained, tmp_path):
 def test_what_a_run_does_not_hold_is_refused(tmp_path, trained):
     with pytest.raises(ConfigError, match="n: test has 3 levels, not 50"):
         evaluate(EvaluateConfig(str(trained), n=50))
+    with pytest.raises(ConfigError, match=r"out: .* holds a run, whose results would be replaced"):
+        evaluate(EvaluateConfig(str(trained), out=str(trained)))
     with pytest.raises(RunFolderError, match=r"there is no file of settings /.*/config.yaml"):
         evaluate(EvaluateConfig(str(tmp_path)))
     (tmp_path / "config.yaml").write_bytes((trained / "config.yaml").read_bytes())

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shutil
 import socket
 from itertools import combinations
 
@@ -11,7 +12,7 @@ from segar.experiments.levels.builders import Prepared
 from segar.experiments.reproduction.experiment_file import experiment_at
 from segar.experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds
 from segar.experiments.runs.executed_code import executed_code
-from segar.experiments.runs.run_folder import CHECKPOINT, JOURNAL, SUMMARY, folder_path, write_json
+from segar.experiments.runs.run_folder import CHECKPOINT, CONFIG, JOURNAL, SUMMARY, folder_path, write_json
 from segar.experiments.settings import ConfigError, ScaleConfig
 from tests.synthetic_runs import settings, write_run
 
@@ -161,7 +162,7 @@ def test_a_run_that_was_cut_off_has_fewer_frames_left(tmp_path):
     work = plan_of(tmp_path, main=MAIN).runs[0]
     run = work.run
     folder = write_run(run, finished=False)
-    (folder / JOURNAL).write_text(json.dumps({"event": "stopped", "frames": 400}) + "\n")
+    (folder / JOURNAL).write_text(json.dumps({"event": "stopped", "time": "", "frames": 400}) + "\n")
     assert work.frames_left() == 600
 
 
@@ -178,6 +179,9 @@ def test_speeds_are_medians_of_what_this_machine_ran(tmp_path):
         ]
         lines = [json.dumps({"event": event, "host": host, "time": time}) + "\n" for event, time in events]
         (folder / JOURNAL).write_text("".join(lines))
+    theirs = tmp_path / "theirs"  # whose settings name code that is not here, which is nothing to a plan
+    shutil.copytree(folder_path(plan.runs[0].run), theirs)
+    (theirs / CONFIG).write_text((theirs / CONFIG).read_text().replace("name: state", "name: not_here:Eyes"))
     speeds = measure_speeds(tmp_path)
     kind = (plan.runs[0].run.algorithm.name, plan.runs[0].run.observation.name)
     assert (speeds.measured, speeds.frames[kind]) == (3, 500.0)

@@ -55,6 +55,13 @@ def train_but_for_one(work):
     return pretend(work)
 
 
+def test_a_number_of_levels_that_tables_cannot_hold_ends_the_plan(tmp_path):
+    endless = {**MAIN, "grid": {"counts": [10, "endless"]}}
+    with pytest.raises(ConfigError, match=r"grid\.counts: endless is not allowed; it must be numbers"):
+        reproduce(asked(tmp_path, {"main": endless}), pretend)
+    assert not list(tmp_path.iterdir())
+
+
 def finish_nothing(config, plan):
     """Stands for tables and report."""
     return True

@@ -8,12 +8,14 @@ import threading
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from segar.analysis.runs import read_runs
 from segar.experiments.results import results
 from segar.experiments.runs.run_folder import (
+    EPISODES,
     VERSIONS,
     read_episodes,
     read_metrics,
@@ -263,6 +265,14 @@ def test_a_run_that_cannot_be_read_is_a_row_that_says_why(tmp_path, capsys):
     written(tmp_path / "a")
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "config.yaml").write_text("levels: 3\n")
+    written(tmp_path / "c", seed=1)
+    table = pq.read_table(tmp_path / "c" / EPISODES)
+    for damaged, why in (
+        (table.drop_columns("success"), "has no column 'success', or several"),
+        (table.set_column(3, "return", pa.array(["x"] * len(table))), "its column 'return' is of another kind"),
+    ):
+        pq.write_table(damaged, tmp_path / "c" / EPISODES)
+        assert f"c: {tmp_path}/c/{EPISODES}" in (said := told(capsys, root=str(tmp_path))) and why in said
     lines = table_in(told(capsys, root=str(tmp_path)))
     assert "unreadable" in "".join(lines[1:3])
     assert any(line.startswith("b: cannot read the settings of a run") for line in lines)

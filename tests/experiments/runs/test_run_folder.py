@@ -134,6 +134,15 @@ def test_a_folder_that_holds_something_else_is_refused_and_kept(config, tmp_path
     assert {p.name for p in mine.iterdir()} - {".lock"} == {"thesis.tex"}
 
 
+@pytest.mark.parametrize("name", ["loop", "nul\0", "\udcff", "~nobody-of-this-name/x", "x" * 300, "file"])
+def test_a_root_that_no_folder_can_have_is_refused_by_its_name(config, tmp_path, name):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "file").touch()
+    root = name if name.startswith("~") else str(tmp_path / name)
+    with pytest.raises(RunFolderError, match=r"is no place for files|cannot make the folder"):
+        run(dataclasses.replace(config, root=root, folder=None))
+
+
 def test_restart_clears_no_folder_whose_settings_are_not_a_runs(config, tmp_path):
     mine = tmp_path / "run"
     (mine / "checkpoint").mkdir(parents=True)
