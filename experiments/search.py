@@ -8,6 +8,7 @@ test levels of a final run decide nothing.
 
 import dataclasses
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
@@ -16,18 +17,21 @@ import optuna
 from omegaconf import DictConfig
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
 from optuna.trial import Trial, TrialState
+from sqlalchemy.exc import SQLAlchemyError
 
 from segar.cli import table
 from segar.errors import did_you_mean, naming
 from segar.experiments.commands.hydra_app import run_command, to_plain
 from segar.experiments.reproduction.grid import with_settings
 from segar.experiments.reproduction.process_pool import Job, JobResult, run_jobs
+from segar.experiments.runs.files import make_folder
 from segar.experiments.runs.run_folder import lock, runs_root
 from segar.experiments.settings import (
     OWN_TASK,
     ConfigError,
     Count,
     RunConfig,
+    RunFolderError,
     Seed,
     Settings,
     TrainingError,
@@ -35,12 +39,15 @@ from segar.experiments.settings import (
     construct,
     one_of,
     path_of,
+    plain_name,
     require,
     run_config,
     sqlite_address,
+    without_folder,
 )
 from segar.experiments.settings.run import digest
 from segar.experiments.train import train
+from segar.support import first_line
 
 SHOWN = 5  # trials in the closing table
 ERROR = "error"  # attribute of a failed trial; an interrupted trial has none
@@ -83,7 +90,9 @@ def _distribution(data: Mapping[str, Any], place: str) -> BaseDistribution:
         require(is_list, place, dict(data), "a list of choices alone; or low and high")
         return CategoricalDistribution([json.dumps(choice) for choice in choices])
     made = construct(Dimension, data, place)
-    require(made.low < made.high, place, dict(data), "low and high, low < high; or choices")
+    is_whole = made.low.is_integer() and made.high.is_integer()
+    wanted = f"{'whole numbers ' if made.whole else ''}low and high, low < high; or choices"
+    require(0 < made.high - made.low < math.inf and (is_whole or not made.whole), place, dict(data), wanted)
     require(not made.log or made.low > 0, place, made.low, "above 0, where log is true")
     if made.whole:
         return IntDistribution(int(made.low), int(made.high), log=made.log)
@@ -139,8 +148,8 @@ class Search:
         """Levels and algorithm, with a hash of all settings that decide the trials; their number does not."""
         settings = as_data(self.config)
         decisive = {key: settings[key] for key in ("space", "seeds", "metric", "direction")}
-        name = f"{self.run.levels.train}-{self.run.algorithm.name}-{digest([self.run.identity(), decisive])}"
-        return name.replace(":", "_")
+        decided = digest([self.run.identity(), decisive])
+        return plain_name(f"{without_folder(self.run.levels.train)}-{self.run.algorithm.name}-{decided}")
 
 
 def search(spec: Search) -> optuna.Study:
@@ -148,25 +157,30 @@ def search(spec: Search) -> optuna.Study:
 
     Raises:
         ConfigError: a setting of the space does not exist, or there is none.
-        RunFolderError: another process is at work on the same search.
+        RunFolderError: another process is at work on the same search, or its trials cannot be stored or read.
         TrainingError: all trials failed.
     """
     require(bool(spec.space), "search.space", {}, "one setting or more; search=ppo_fast has some")
     with_values(spec.run, {name: example_of(one) for name, one in spec.space.items()})  # before anything runs
     folder = runs_root(spec.run) / "searches" / spec.name
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     with lock(folder):
         study = open_study(sqlite_address(folder / "trials.db"), spec)
         # An interrupted trial is to be repeated; one that failed is not.
         ended = [t for t in study.get_trials(deepcopy=False) if t.state is TrialState.COMPLETE or ERROR in t.user_attrs]
-        left = spec.config.trials - len(ended)
+        left = max(spec.config.trials - len(ended), 0)
         print(f"{spec.name}: {left} of {spec.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
         together = max(spec.config.processes // spec.config.seeds, 1)  # trials that run side by side
         while left > 0:
             trials = [study.ask(spec.space) for _ in range(min(left, together))]
-            jobs = {trial.number: jobs_of(spec, trial, folder / "logs") for trial in trials}
-            outcomes = run_jobs([job for some in jobs.values() for job in some], spec.work, spec.config.processes)
+            jobs: dict[int, list[Job]] = {}
             for trial in trials:
+                try:
+                    jobs[trial.number] = jobs_of(spec, trial, folder / "logs")
+                except ConfigError as error:  # a value of the space, or several together, are not allowed
+                    record_failure(study, trial, str(error))
+            outcomes = run_jobs([job for some in jobs.values() for job in some], spec.work, spec.config.processes)
+            for trial in (one for one in trials if one.number in jobs):
                 record_trial(study, trial, [one for one in outcomes if one.job in jobs[trial.number]], spec.config)
             left -= len(trials)
     print(report(study, spec), flush=True)
@@ -174,16 +188,19 @@ def search(spec: Search) -> optuna.Study:
 
 
 def open_study(storage: str, spec: Search) -> optuna.Study:
-    """The study in this storage, made if need be; interrupted trials are put back into its queue."""
+    """The study in this storage, made if need be; interrupted trials are put back into its queue. Raises
+    :class:`RunFolderError` where that is impossible."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    sampler = optuna.samplers.TPESampler(seed=spec.config.sampler_seed, constant_liar=spec.config.processes > 1)
-    study = optuna.create_study(
-        study_name=spec.name,
-        storage=storage,
-        direction="maximize" if spec.config.direction == "maximize" else "minimize",
-        load_if_exists=True,
-        sampler=sampler,
-    )
+    direction = "maximize" if spec.config.direction == "maximize" else "minimize"
+    try:
+        study = optuna.create_study(study_name=spec.name, storage=storage, direction=direction, load_if_exists=True)
+    except SQLAlchemyError as error:
+        raise RunFolderError(
+            f"cannot read or write {storage}: {first_line(error)}. Without this file the search begins anew, and finds its runs"
+        ) from error
+    # From one seed, a search that goes on would draw the numbers of its first trials again.
+    seed = spec.config.sampler_seed + len(study.get_trials(deepcopy=False))
+    study.sampler = optuna.samplers.TPESampler(seed=seed % 2**32, constant_liar=spec.config.processes > 1)
     for trial in study.get_trials(states=(TrialState.RUNNING,)):  # interrupted, as this process holds the lock
         study.tell(trial.number, state=TrialState.FAIL)
         study.enqueue_trial(trial.params)
@@ -203,17 +220,24 @@ def record_trial(study: optuna.Study, trial: Trial, outcomes: Sequence[JobResult
     """Reports a trial's result to the study, and prints it; raises :class:`ConfigError` if runs have no such figure."""
     wrong = next((outcome for outcome in outcomes if outcome.error is not None), None)
     if wrong is not None:
-        trial.set_user_attr(ERROR, wrong.error)
-        study.tell(trial, state=TrialState.FAIL)
-        print(f"trial {trial.number}: FAILED: {wrong.error} (log: {wrong.job.log})", flush=True)
-        return
+        return record_failure(study, trial, f"{wrong.error} (log: {wrong.job.log})")
     figures = [outcome.result for outcome in outcomes]
     if config.metric not in figures[0]:
         raise ConfigError(f"search.metric: runs have no '{config.metric}'.{did_you_mean(config.metric, figures[0])}")
-    value = sum(each[config.metric] for each in figures) / len(figures)
+    values = [each[config.metric] for each in figures]
+    if not all(isinstance(one, int | float) and math.isfinite(one) for one in values):
+        return record_failure(study, trial, f"{config.metric} is no number in all of its runs: {values}")
+    value = sum(values) / len(values)
     study.tell(trial, value)
     settings = ", ".join(f"{name.rpartition('.')[2]} {in_short(setting)}" for name, setting in trial.params.items())
     print(f"trial {trial.number}: {value:.4g} with {settings}", flush=True)
+
+
+def record_failure(study: optuna.Study, trial: Trial, why: str) -> None:
+    """Reports to the study that a trial failed, and prints why."""
+    trial.set_user_attr(ERROR, why)
+    study.tell(trial, state=TrialState.FAIL)
+    print(f"trial {trial.number}: FAILED: {why}", flush=True)
 
 
 def report(study: optuna.Study, spec: Search) -> str:
@@ -227,14 +251,14 @@ def report(study: optuna.Study, spec: Search) -> str:
     run = spec.run
     groups = f"levels={run.levels.train} observation={run.observation.name} algorithm={run.algorithm.name}"
     groups += f" task={run.task.name}" * (run.task.name != OWN_TASK)
-    settings = " ".join(f"{name}={in_short(value)}" for name, value in best.items())
+    settings = " ".join(f"{name}={in_short(value, '')}" for name, value in best.items())  # all digits
     listed = table(["trial", spec.config.metric, *best], rows)
     return f"{listed}\ntrain with the best: segar train {groups} {settings}"
 
 
-def in_short(value: Any) -> str:
-    """A parameter of Optuna's as the command line writes it; text holds a choice as JSON."""
-    return json.dumps(json.loads(value), separators=(",", ":")) if isinstance(value, str) else f"{value:.4g}"
+def in_short(value: Any, form: str = ".4g") -> str:
+    """A parameter of Optuna's as the command line writes it, a number in a ``form``; text holds a choice as JSON."""
+    return json.dumps(json.loads(value), separators=(",", ":")) if isinstance(value, str) else format(value, form)
 
 
 SETTINGS = {"search": as_data(SearchConfig())}  # and their defaults

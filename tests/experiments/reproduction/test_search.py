@@ -1,5 +1,6 @@
 """The search over hyper-parameters: it goes on where it stopped, survives runs that fail, and names mistakes."""
 
+import dataclasses
 import json
 import re
 
@@ -18,7 +19,7 @@ from segar.experiments.search import (
     search,
     with_values,
 )
-from segar.experiments.settings import ConfigError, PPOConfig, RunConfig, TrainingError
+from segar.experiments.settings import ConfigError, PPOConfig, RunConfig, RunFolderError, TrainingError
 from tests.experiments.conftest import working_here
 
 SPACE = {
@@ -61,6 +62,8 @@ def test_a_search_goes_on_where_it_stopped_and_tries_again_what_was_cut_off(sear
     assert len(trials) == 7
     assert trials[3].state is TrialState.FAIL and "error" not in trials[3].user_attrs
     assert trials[4].params == cut_off
+    rates = [trial.params["algorithm.learning_rate"] for trial in trials]
+    assert len({*rates}) == 6, "but for what was cut off, no trial comes again"
     (folder,) = (root / "searches").iterdir()
     assert len(list((folder / "logs").iterdir())) == 6
 
@@ -90,7 +93,36 @@ def test_a_finished_search_prints_the_best_and_the_command_that_trains_with_it(s
     best = study.best_trial.params["algorithm.learning_rate"]
     command = said.splitlines()[-1]
     assert "segar train levels=empty-hard observation=state algorithm=ppo " in command
-    assert f"algorithm.learning_rate={best:.4g}" in command and "algorithm.widths=[" in command
+    assert f"algorithm.learning_rate={best} " in command, "all digits, or it trains another run"
+    assert "algorithm.widths=[" in command
+
+
+def untrainable(config):
+    """Stands for runs whose figure is no number."""
+    return {"score": float("nan"), "loss": None}
+
+
+@pytest.mark.parametrize("metric", ["score", "loss"])
+def test_trials_without_a_number_or_with_settings_that_are_not_allowed_have_failed(tmp_path, metric, capsys):
+    space = {"algorithm": {"gamma": {"choices": [0.9, 1.5]}}}
+    spec = dataclasses.replace(asked(tmp_path, space, metric=metric, trials=4), work=untrainable)
+    for left in (4, 0):  # they are not tried again
+        with pytest.raises(TrainingError, match="no trial of the search went through"):
+            search(spec)
+        said = capsys.readouterr().out
+        assert f"{left} of 4 trials to do" in said
+        assert not left or (f"{metric} is no number" in said and "algorithm.gamma: 1.5 is not allowed" in said)
+
+
+def test_a_search_lies_under_its_root_or_says_why_it_cannot(tmp_path):
+    levels = dataclasses.replace(RunConfig().levels, train="/elsewhere/levels.npz#0123abcd")
+    assert Search(RunConfig(levels=levels), SearchConfig(space=SPACE)).name.startswith("levels.npz_0123abcd-ppo-")
+    search(asked(tmp_path, trials=1))
+    (database,) = tmp_path.glob("searches/*/trials.db")
+    database.write_bytes(b"damaged" * 1000)
+    for root in (tmp_path, database):
+        with pytest.raises(RunFolderError, match=r"trials\.db"):
+            search(asked(root))
 
 
 @pytest.mark.parametrize(
@@ -103,6 +135,8 @@ def test_a_finished_search_prints_the_best_and_the_command_that_trains_with_it(s
         ({"algorithm": {"gamma": {"low": 0.0, "high": 0.5, "log": True}}}, "must be above 0, where log is true"),
         ({"algorithm": {"gamma": {"low": 0.0, "hihg": 0.5}}}, "Did you mean 'search.space.algorithm.gamma.high'?"),
         ({"algorithm": {"gamma": {"low": 2.0, "high": 3.0}}}, "algorithm.gamma: 2.0 is not allowed"),
+        ({"algorithm": {"epochs": {"low": 0.5, "high": 8, "whole": True}}}, "must be whole numbers low and high"),
+        ({"algorithm": {"gamma": {"low": 0.5, "high": float("inf")}}}, "must be low and high, low < high"),
     ],
 )
 def test_a_wrong_space_is_named_before_anything_is_trained(tmp_path, space, says):
