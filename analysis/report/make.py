@@ -20,6 +20,7 @@ from segar.analysis.report.claims.claim import CLAIMS, Claim
 from segar.analysis.report.claims.evidence import GIVEN
 from segar.analysis.report.document.blocks import Picture
 from segar.analysis.report.document.files import PAGE, SUFFIXES, write_document, write_picture
+from segar.analysis.report.document.tables import STATISTICS
 from segar.analysis.report.serve import serve_report
 from segar.analysis.report.study.reading import is_study
 from segar.analysis.report.subject import Subject, paper, study
@@ -27,8 +28,8 @@ from segar.analysis.tables import write_csv
 from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.reproduction.experiment_file import PLAN, SCALES
 from segar.experiments.reproduction.imported_results import RUNS
-from segar.experiments.runs.files import read_json
-from segar.experiments.settings import RunFolderError, TrackingConfig, require_known
+from segar.experiments.runs.files import absolute_path, read_json
+from segar.experiments.settings import RunFolderError, TrackingConfig, construct, require_known
 from segar.experiments.tracking.mlflow_store import replace_run
 from segar.support import RESULTS, WORKSPACE, counted
 
@@ -51,7 +52,7 @@ class ReportConfig:
     def folder(self) -> Path:
         """Absolute path of the tables; raises :class:`RunFolderError` if none is named and none is shipped."""
         if self.results is not None:
-            return Path(self.results).expanduser().resolve()
+            return absolute_path(self.results)
         for scale in reversed(SCALES):
             if (SHIPPED / scale / RUNS).exists():
                 return SHIPPED / scale
@@ -82,7 +83,7 @@ def report_results(results: Path) -> None:
 def report(config: ReportConfig) -> None:
     """Makes the report and prints what came of it; or serves the one that is there."""
     if config.serve:
-        return serve_report(config.folder, Path(config.out or config.folder).expanduser().resolve(), config.port)
+        return serve_report(config.folder, absolute_path(config.out or config.folder), config.port)
     made = make_report(config)
     results = made.subject.evidence.results
     print(f"In the report: {counted(len(results.runs), 'run')}. Missing, runs or tests: {len(results.missing)}.")
@@ -103,7 +104,7 @@ def make_report(config: ReportConfig) -> Report:
     subject = study(config.folder) if is_study(config.folder) else paper(config.folder)
     for name in config.only:
         require_known("only", name, list(subject.figures))
-    folder = Path(config.out).expanduser().resolve() if config.out else config.folder
+    folder = absolute_path(config.out) if config.out else config.folder
     command = f"segar report results={shlex.quote(config.name)} only=[{{}}]"
     asked = {name: draw for name, draw in subject.figures.items() if not config.only or name in config.only}
     drawn = {name: write_picture(draw, folder, name, command.format(name)) for name, draw in asked.items()}
@@ -118,29 +119,32 @@ def make_report(config: ReportConfig) -> Report:
         write_csv(path, table, 4)
     files += written
     files += write_document(subject.document(claims, drawn), folder, config.pdf)
-    remove_others(folder, files)
+    remove_others(folder, subject, files)
     report = Report(folder, files, claims, subject)
     if config.tracking:
         track(config.folder, report)
     return report
 
 
-def remove_others(folder: Path, files: list[Path]) -> None:
-    """Removes figures and statistics that an earlier report left and this one does not have."""
-    for path in (*folder.glob("figures/*"), *folder.glob("statistics/*")):
-        if path.suffix in (*SUFFIXES, ".csv") and path not in files:
-            path.unlink()
+def remove_others(folder: Path, subject: Subject, files: list[Path]) -> None:
+    """Removes figures and statistics that an earlier report left and this one does not have; files of other names stay."""
+    known = [folder / "figures" / f"{name}{suffix}" for name in subject.figures for suffix in (*SUFFIXES, ".csv")]
+    known += [folder / "statistics" / f"{name}.csv" for name in STATISTICS]
+    for path in {*known} - {*files}:
+        path.unlink(missing_ok=True)
 
 
 def track(results: Path, report: Report) -> None:
     """Writes headline numbers and files to MLflow, as a run of its own; a repeated report replaces that run."""
-    plan: dict[str, Any] = read_json(results / PLAN) if (results / PLAN).exists() else {}
+    form = {"tracking": dict, "runs": str}
+    plan: dict[str, Any] = read_json(results / PLAN, form) if (results / PLAN).exists() else {}
     if plan.get("tracking", {"name": "none"})["name"] == "none":
         return
+    tracking = construct(TrackingConfig, plan["tracking"], "tracking")
     tags = {"kind": "report", "report_folder": str(report.folder), "scale": report.subject.evidence.results.scale}
     places = {path: path.parent.relative_to(report.folder) for path in report.files}
     replace_run(
-        TrackingConfig(**plan["tracking"]), Path(plan["runs"]), f"report of {results.name}", tags, "report_folder",
+        tracking, Path(plan["runs"]), f"report of {results.name}", tags, "report_folder",
         metrics=headline_numbers(report),
         files={path: None if place == Path() else str(place) for path, place in places.items()},
     )  # fmt: skip

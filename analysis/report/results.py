@@ -21,7 +21,7 @@ from segar.experiments.reproduction.experiment_file import PLAN
 from segar.experiments.reproduction.imported_results import RUNS, TRANSFERS
 from segar.experiments.runs.files import read_json
 from segar.experiments.runs.run_folder import PROBES
-from segar.experiments.settings import RunFolderError
+from segar.experiments.settings import RunFolderError, require
 
 STUDIES = "studies"
 PANEL = ("family", "difficulty")
@@ -32,6 +32,7 @@ REQUIRED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "v
           "success_train_deterministic", "success_test_deterministic", "episodes_train_deterministic",
           "episodes_test_deterministic", "test_levels", "hours", "code")  # fmt: skip
 WHOSE = ("run", *BLOCK, "n", "algorithm")  # which no run may lack: means are over runs of one kind
+NUMBERS = {"n": 1, "seed": 0}  # columns of whole numbers, and the least ones
 NAMED = ("run", "reason", "name", "experiment")  # of what is missing
 ETA, SUCCESS = "eta_test_deterministic", "success_test_deterministic"
 LESS_REGRET = "less_regret"
@@ -192,6 +193,16 @@ def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
                 raise RunFolderError(f"{folder / file} has no column '{name}'.{did_you_mean(name, known)}")
     with naming(folder / RUNS, RunFolderError):
         keys(runs, [name for name in WHOSE if name in runs])
+        for name, least in NUMBERS.items():
+            values = column(runs, name)
+            wrong = list(runs[name][(values < least) | (values % 1 != 0) | (runs[name].dtype.kind == "O")])
+            require(not wrong, name, wrong[:1], f"whole numbers from {least} up")
+        gaps = column(runs, "gap_deterministic")
+        require(bool(np.isfinite(gaps).any()), "gap_deterministic", float(gaps[0]), "a number of some run")
+    for file, table, names in ((RUNS, runs, ["run"]), (TRANSFERS, transfers, ["run", "test"])):
+        twice = [] if table.empty else list(table.loc[table.duplicated(names), "run"])
+        with naming(folder / file, RunFolderError):
+            require(not twice, "run", twice[:1], "there once: each row would count")
     studies: dict[str, dict[str, pd.DataFrame]] = {}
     for path in sorted((folder / STUDIES).glob("*/*.csv")):
         studies.setdefault(path.parent.name, {})[path.stem] = read_frame(path)
@@ -206,7 +217,7 @@ def optional(path: Path) -> pd.DataFrame:
 def scale_of(folder: Path) -> str:
     """The name of the scale: from the plan, or from the folder's name up to the first dash where there is no plan."""
     plan = folder / PLAN
-    return str(read_json(plan)["scale"]) if plan.exists() else folder.name.partition("-")[0]
+    return read_json(plan, {"scale": str})["scale"] if plan.exists() else folder.name.partition("-")[0]
 
 
 def measured(table: pd.DataFrame) -> pd.DataFrame:

@@ -42,6 +42,11 @@ CELL_COLUMNS = (
 )  # fmt: skip
 
 
+STATISTICS = ("predictions", "scores", "associations", "resampled", "mixed_models", "explained", "predictors", "specifications",
+              "cells")  # fmt: skip
+"""The names of all tables of :func:`statistics`."""
+
+
 def statistics(evidence: Evidence) -> dict[str, pd.DataFrame]:
     """All tables of statistics, by the name of their CSV file."""
     if evidence.main.empty:

@@ -21,13 +21,13 @@ from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import ConfigError, RunFolderError, add_module_path, flat
 from segar.support import data_in, misfit, read_yaml
 
-NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic", "test_levels",
-          "hours", "code")  # fmt: skip
+NEEDED = ("experiments", "family", "difficulty", "seed", "n", "algorithm", "observation", "run", "frames", "w2_exact",
+          "gap_deterministic", "gap_se_deterministic", "gap_ref_deterministic", "success_train_deterministic",
+          "success_test_deterministic", "test_levels", "hours", "code")  # fmt: skip
 READ = {
     "claims?": ({str: {"test?": str}}, None),
     "module_path?": [str],
-    "grid?": (dict, None),
-    "settings?": (dict, None),
+    **dict.fromkeys(("grid?", "settings?"), (dict, None)),
 }
 ALL = "all agents"
 OWN_UNITS = "w2_exact has a unit for each pair of training and test distributions: compare it within a pair."

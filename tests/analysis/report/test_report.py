@@ -12,6 +12,7 @@ from segar.analysis.plotting import style
 from segar.analysis.plotting.figures import PAGE_WIDTH
 from segar.analysis.report.document.blocks import pieces
 from segar.analysis.report.document.pdf import BROWSERS, print_page
+from segar.analysis.report.document.tables import STATISTICS
 from segar.analysis.report.figures import FIGURES
 from segar.analysis.report.figures.drawing import NoFigure
 from segar.analysis.report.make import SHIPPED, ReportConfig, make_report, report, track
@@ -64,6 +65,7 @@ def again(request, tmp_path_factory):
 
 
 def test_the_shipped_tables_give_the_shipped_numbers(again):
+    assert {path.stem for path in SHIPPED.glob("*/statistics/*.csv")} <= {*STATISTICS}
     shipped, made = again
     names = {str(path.relative_to(made.folder)) for path in made.files}
     folders = (shipped / "figures", shipped / "statistics")
@@ -173,8 +175,13 @@ def test_one_figure_alone_is_drawn(tmp_path, capsys):
 
 @pytest.mark.parametrize("runs", [1, 4])
 def test_a_handful_of_runs_is_reported_too(tmp_path, undrawn, runs):
+    own, left = (tmp_path / "figures" / name for name in ("mine.png", "w2_study.png"))
+    own.parent.mkdir()
+    for path in (own, left):
+        path.write_bytes(b"drawn before")
     page = page_of(tmp_path, {"runs": few_runs().iloc[[0, 5, 10, 1]].head(runs).reset_index(drop=True)})
     assert f"{runs} run" in page
+    assert own.exists() and not left.exists(), "what no report calls so stays"
 
 
 def test_the_smallest_scale_and_a_reproduction_that_goes_on_are_marked_as_preliminary(tmp_path, undrawn):
@@ -249,6 +256,10 @@ def test_what_is_wrong_with_the_tables_is_said(tmp_path):
         (None, r"holds no runs.parquet. Name a folder of tables, such as docs/results/quick"),
         ({"runs": runs.drop(columns="w2_exact")}, "has no column 'w2_exact'"),
         ({"runs": runs.head(0)}, "has no rows: no run is finished"),
+        ({"runs": pd.concat([runs, runs.head(1)])}, "run: .* must be there once: each row would count"),
+        ({"runs": runs.assign(n=runs["n"].astype(str))}, "n: .* must be whole numbers from 1 up"),
+        ({"runs": runs.assign(gap_deterministic=np.nan)}, "gap_deterministic: nan .* must be a number of some run"),
+        ({"runs": runs.assign(code=[[1.0]] * len(runs))}, "code: 'list<.*>' .* must be numbers, truths or texts"),
     ):
         with pytest.raises(RunFolderError, match=why):
             page_of(tmp_path, tables)
