@@ -1,6 +1,5 @@
 """WebAssembly modules for a page, and the arrays that their calls read, as plain data beside one store of bytes."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,31 +16,47 @@ NAMES = {
 }
 """Arguments of calls that the memory of a page knows by another name."""
 BYTES = ("bytes",)  # the shape of frames; a frame that is stacked has fewer bytes than the stack
+SHORTER = {"float64": np.float32, "float32": np.float16}
+FEW = 8  # of so many numbers, one may be longer than the shorter type
+CUT = 24_000  # [bytes] of the first part of a module's code
 EDGES = "geometry_edges"  # follows from the vertices, and would be most of a page
 
 
 class Blobs:
-    """Bytes of a page, each once.
-
-    Attributes:
-        data: all of them.
-        places: offset and length of each.
-    """
+    """Bytes of a page, each once."""
 
     def __init__(self) -> None:
-        self.data = bytearray()
-        self.places: list[tuple[int, int]] = []
-        self._known: dict[bytes, int] = {}
+        self._numbers: dict[bytes, int] = {}
 
     def add(self, data: bytes) -> int:
         """The number of these bytes."""
-        digest = hashlib.sha256(data).digest()
-        if digest not in self._known:
-            self._known[digest] = len(self.places)
-            self.data += bytes(-len(self.data) % 8)
-            self.places.append((len(self.data), len(data)))
-            self.data += data
-        return self._known[digest]
+        return self._numbers.setdefault(data, len(self._numbers))
+
+    def add_array(self, array: np.ndarray) -> dict[str, Any]:
+        """What a page knows of an array, to the bit, in few bytes when they are packed.
+
+        The parts are its numbers, in a shorter type where that holds nearly all of them, such as the weights of a network that
+        was rounded to 16 bits; the places (int32) of the others; and the others. Of numbers of less than 8 bytes, all first
+        bytes stand before all second ones. Longer ones are mostly states of things, which repeat as a whole.
+        """
+        exact = np.ravel(array)
+        with np.errstate(over="ignore"):
+            held = exact.astype(SHORTER.get(exact.dtype.name, exact.dtype))
+        others = np.flatnonzero(held != exact).astype(np.int32)
+        if FEW * len(others) > len(exact) or not np.isfinite(exact).all():
+            held, others = exact, others[:0]
+        planes = held.view(np.uint8).reshape(len(held) if held.itemsize < 8 else 1, -1).T
+        return {"dtype": held.dtype.name, "parts": [self.add(x.tobytes()) for x in (planes, others, exact[others])]}
+
+    def laid_out(self) -> tuple[bytes, list[tuple[int, int]]]:
+        """All bytes, and offset and length of each by its number. First parts of modules lie side by side, because modules that
+        differ in a few numbers are packed to little more than one where deflate, which looks back 32 kB, sees both."""
+        data, places = bytearray(), {}
+        for part in sorted(self._numbers, key=lambda part: len(part) // CUT):
+            data += bytes(-len(data) % 8)
+            places[part] = (len(data), len(part))
+            data += part
+        return bytes(data), [places[part] for part in self._numbers]
 
 
 def described_module(
@@ -85,6 +100,7 @@ def described_module(
                     if argument.name == EDGES:
                         places[name]["edges_of"] = [names["geometry_vertices"], names["geometry_vertex_counts"]]
                     elif array is not None and np.any(array):
-                        places[name]["data"] = blobs.add(np.ascontiguousarray(array).tobytes())
+                        places[name]["data"] = blobs.add_array(array)
             made[role].append({"entry": call.entry.name, "names": names, **({"sizes": own_sizes} if own_sizes else {})})
-    return {"code": blobs.add(kernel.code), "places": places, "calls": made, "sizes": dict(sizes)}
+    code = [blobs.add(part) for part in (kernel.code[:CUT], kernel.code[CUT:])]
+    return {"code": code, "places": places, "calls": made, "sizes": dict(sizes)}

@@ -165,10 +165,10 @@ def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
     left_out = [name for part, names in parts_of.items() if part not in about for name in names]
     scripts = [path for path in sorted(STATIC.glob("*.js")) if path.name not in left_out]
     about["scripts"] = {path.name: blobs.add(_program(path)) for path in scripts}
-    about["blobs"] = blobs.places
+    data, about["blobs"] = blobs.laid_out()
     head = json.dumps(about, separators=(",", ":"), allow_nan=False).encode()
     head += b" " * (-len(head) % 8)
-    packed = gzip.compress(len(head).to_bytes(8, "little") + head + bytes(blobs.data), 9, mtime=0)
+    packed = gzip.compress(len(head).to_bytes(8, "little") + head + data, 9, mtime=0)
     page = (STATIC / "page.html").read_text(encoding="utf-8")
     style = (STATIC / "page.css").read_text(encoding="utf-8")
     parts = {"TITLE": html.escape(title), "STYLE": style, "DATA": as_text(len(packed).to_bytes(4, "big") + packed)}

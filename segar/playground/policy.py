@@ -1,7 +1,6 @@
 """What a page needs of a policy: the module that acts, its weights, and whether it fits what it reads and does there."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -39,21 +38,9 @@ def described_policy(
         _check(policy, one)
     if weights == "float16":
         policy = NetworkPolicy(policy.network.in_float16(), sampled=policy.sampled)
-    call = policy.call()
-    floats = call.arrays["floats"]
-    if weights == "float16":
-        call = replace(call, arrays={**call.arrays, "floats": np.zeros_like(floats)})
-    module = described_module({"act": [call]}, {"envs": 1, "rows": 1}, 0, blobs)
-    if weights == "float16":
-        with np.errstate(over="ignore"):
-            halves = floats.astype(np.float16)
-        (exact,) = np.nonzero(halves.astype(np.float32) != floats)  # options of layers, such as 1 / 255
-        halves[exact] = 0
-        parts = (halves, exact.astype(np.int32), floats[exact])
-        module["places"]["floats"]["halves"] = [blobs.add(part.tobytes()) for part in parts]
     count = sum(array.size for layer in policy.network.layers for array in layer.arrays.values())
     return {
-        "module": module,
+        "module": described_module({"act": [policy.call()]}, {"envs": 1, "rows": 1}, 0, blobs),
         "reads": sets[0]["observations"][0]["name"],
         "sampled": policy.sampled,
         "value": policy.network.value is not None,

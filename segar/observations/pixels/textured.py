@@ -100,6 +100,7 @@ class BoundTexturedPixels:
     def __init__(self, pixels: TexturedPixels, levels: Levels, num_envs: int) -> None:
         textures, entities = pixels.texture_set, levels.types.shape[1]
         inputs = type_inputs(textures, levels.layout, pixels.hidden)
+        shown = (inputs.columns >= 0).any(axis=0) | inputs.constants.any(axis=0) | (inputs.noise >= 0)
         self._options = pixels
         self._loom = Loom(
             levels.types,
@@ -109,7 +110,7 @@ class BoundTexturedPixels:
             inputs.noise,
             textures.shift,
             textures.scale,
-            textures.weights.reshape(len(textures), len(textures.inputs), -1).astype(np.float64),
+            np.where(shown[:, None], textures.weights.reshape(len(textures), len(shown), -1), 0.0).astype(np.float64),
             textures.bias.reshape(len(textures), -1).astype(np.float64),
             textures.squash == "tanh",
             np.array(LUMA if pixels.grey else (0, 0, 0), np.int64),

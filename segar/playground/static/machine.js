@@ -20,7 +20,7 @@ export class Machine {
    * @param {(blob: number) => Uint8Array} blob bytes of the page by their number
    */
   static async load(about, blob) {
-    const module = await WebAssembly.compile(blob(about.code));
+    const module = await WebAssembly.compile(await new Blob(about.code.map(blob)).arrayBuffer());
     const section = WebAssembly.Module.customSections(module, "segar")[0];
     const described = JSON.parse(new TextDecoder().decode(section));
     const instance = await WebAssembly.instantiate(module, {});
@@ -44,11 +44,7 @@ export class Machine {
     const lacking = top - exports.memory.buffer.byteLength;
     if (lacking > 0) exports.memory.grow(Math.ceil(lacking / PAGE));
     for (const [name, place] of Object.entries(this.places)) {
-      const array = this.array(name);
-      if (place.data !== undefined) {
-        new Uint8Array(array.buffer, array.byteOffset, array.byteLength).set(blob(place.data));
-      }
-      if (place.halves) writeHalves(array, ...place.halves.map(blob));
+      if (place.data) write(this.array(name), place.data.dtype, ...place.data.parts.map(blob));
     }
     for (const [name, place] of Object.entries(this.places)) {
       if (place.edges_of) writeEdges(this.array(name), ...place.edges_of.map((of) => this.array(of)));
@@ -92,11 +88,16 @@ export class Machine {
   }
 }
 
-/** Numbers of 16 bits as those of 32 bits; some places hold others, which are given with all their bits. */
-export function writeHalves(array, halves, places, exact) {
-  const bits = new Uint16Array(halves.buffer, halves.byteOffset, array.length);
-  for (let k = 0; k < bits.length; k++) array[k] = ofHalf(bits[k]);
-  const others = new Float32Array(exact.buffer, exact.byteOffset, exact.length / 4);
+/** Write the numbers of an array as a page holds them, see Blobs.add_array; some places hold others, with all their bits. */
+export function write(array, dtype, planes, places, exact) {
+  const width = planes.length / array.length;
+  const size = width < 8 ? width : 1; // longer numbers are not in planes
+  const bytes = new Uint8Array(planes.length);
+  for (let k = 0, plane = 0; plane < size; plane++) {
+    for (let at = plane; at < bytes.length; at += size) bytes[at] = planes[k++];
+  }
+  array.set(dtype === "float16" ? Float32Array.from(new Uint16Array(bytes.buffer), ofHalf) : new (arrayType(dtype))(bytes.buffer));
+  const others = new array.constructor(exact.buffer, exact.byteOffset, places.length / 4);
   new Int32Array(places.buffer, places.byteOffset, others.length).forEach((place, k) => { array[place] = others[k]; });
 }
 

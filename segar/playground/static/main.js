@@ -140,7 +140,8 @@ class Page {
 
   begin(level) {
     const { count } = this.levels;
-    this.player.start(((level % count) + count) % count, this.seed);
+    const at = ((level % count) + count) % count;
+    this.player.start(at, this.seed, this.player.actor ? at : 0); // the agent plays as Results has it
     this.player.running = this.player.actor !== null;
     $("level").value = this.level;
     $("address").replaceChildren();

@@ -20,12 +20,13 @@ export class Player {
     this.before = world.values.slice();
   }
 
-  /** Start an episode, and wait. */
-  start(level, seed = this.world.seed) {
-    this.world.start(level, seed);
+  /** Start an episode, and wait. The place is as in World.start. */
+  start(level, seed = this.world.seed, place = 0) {
+    this.world.start(level, seed, place);
     this.before = this.world.values.slice();
     this.queue = this.once = null;
-    this.running = this.assisted = false;
+    this.running = false;
+    this.assisted = this.actor !== null;
     this.waiting = 0;
     this.actor?.begin?.();
     this.changed();
@@ -34,7 +35,7 @@ export class Player {
   /** Play the present episode again from its start. */
   replay() {
     const actions = this.world.actions;
-    this.start(this.world.level);
+    this.start(this.world.level, this.world.seed, this.world.place);
     this.queue = [...actions];
     this.running = this.queue.length > 0;
     this.changed();

@@ -48,7 +48,7 @@ export class Results {
     const about = this.about.sets[set];
     const world = await (this.worlds[set] ??= World.load(about, this.blob));
     const actor = await this.actor(set, player, level, k);
-    world.start(level, seed, actor.key ?? null);
+    world.start(level, seed, level, actor.key ?? null);
     actor.begin?.();
     const column = about.agents.length ? about.agents[0] * about.width + about.columns.Position : null;
     const path = [];

@@ -3,6 +3,8 @@
 import { Machine } from "segar/machine.js";
 
 const CONFLICT = 1;
+const BATCH = 512; // episodes that segar.evaluation plays at once
+const APART = 0x9e3779b97f4a7c15n; // the environments of a batch, in what their draws follow from
 const SAID = {
   2: "a number of the state is not finite after this step: some rule divides by zero or overflows",
   3: "the reward of this step is not finite",
@@ -35,11 +37,15 @@ export class World {
     return this.actions.length;
   }
 
-  /** Start an episode on a level; the seed decides what rules draw, or the key does where it is given. */
-  start(level, seed, key = null) {
+  /**
+   * Start an episode on a level. What rules, textures and policies draw follows from the seed, and from the place of the
+   * environment among all that segar.evaluation.play_episodes starts; or from the key, where it is given.
+   */
+  start(level, seed, place = 0, key = null) {
     const { machine } = this;
     this.level = level;
     this.seed = BigInt(seed);
+    this.place = place;
     this.actions = [];
     this.rewards = [];
     this.total = 0;
@@ -49,9 +55,9 @@ export class World {
       const array = machine.array(name);
       array.fill(array instanceof BigInt64Array ? 0n : 0);
     }
-    machine.array("episodes")[0] = 0n;
+    machine.array("episodes")[0] = BigInt(place % BATCH) * APART; // counts the episode of environment 0 as the first one of that place
     machine.array("chosen")[0] = BigInt(level);
-    machine.run("start", { seed: this.seed });
+    machine.run("start", { seed: this.seed + BigInt(place - (place % BATCH)) });
     if (key !== null) machine.array("key")[0] = key;
     for (const observer of this.observers) {
       this.tell(observer, "begin");

@@ -61,7 +61,7 @@ PLAYERS: dict[str, tuple[Callable[[], Network], object, bool]] = {
     "state": (lambda: perceptron("state"), "state", False),
     "rgb, drawn": (lambda: convolutional("rgb"), "rgb", True),
     "memory, drawn": (lambda: recurrent("state"), "state", True),
-    "stack": (lambda: convolutional("rgb_stack2"), "rgb_stack2", False),
+    "stack": (lambda: convolutional("textures_stack2"), "textures_stack2", False),
 }
 
 
@@ -78,6 +78,7 @@ def test_weights_of_16_bits_play_the_rounded_network_to_the_bit(browser: Browser
     whole = make_playground(LEVELS, policy=network)
     made = make_playground(LEVELS, policy=network, weights="float16")
     assert len(made.html) < len(whole.html)
+    assert len(make_playground(LEVELS, policy=network.in_float16()).html) < len(made.html) + 100
     browser.show(tmp_path, made)
     episodes = episodes_of(LEVELS, 2, None, np.random.default_rng(5))
     found = play_in(browser, episodes)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import segar
+from segar.envs import VectorEnv
 from segar.evaluation import find_baselines, play_episodes
+from segar.evaluation.episodes import BATCH
 from segar.playground import make_playground
 from segar.policies import NetworkPolicy
 from tests.segar.playground.browsers import Browser, Chromium
@@ -31,16 +33,16 @@ def gusts(thing: tuple[segar.Velocity]) -> segar.Differential[segar.Velocity]:
 @pytest.fixture
 def page(browser: Browser, tmp_path: Path) -> Browser:
     """A page with a policy, in a browser."""
-    browser.show(tmp_path, make_playground(TRAIN, TEST, policy=convolutional("rgb")))
+    browser.show(tmp_path, make_playground(TRAIN, TEST, observations=["textures"], policy=convolutional("textures")))
     return browser
 
 
 def test_the_agent_plays_all_levels_as_in_python_and_its_failures_come_first_where_asked(page: Browser) -> None:
     page.run(f"{BUTTON} button('Let the agent play all levels').click()")
     page.until("window.playground.results.episodes[1].agent.length === 4")
-    policy = NetworkPolicy(convolutional("rgb"))
+    policy = NetworkPolicy(convolutional("textures"))
     for levels, found in zip((TRAIN, TEST), page.run(AGENT), strict=True):
-        expected = play_episodes(levels, np.arange(len(levels)), policy, seed=0, observation="rgb")
+        expected = play_episodes(levels, np.arange(len(levels)), policy, seed=0, observation="textures")
         assert [one["returned"] for one in found] == expected.returns.tolist()
         assert [one["success"] for one in found] == expected.success.tolist()
         assert [one["steps"] for one in found] == expected.length.tolist()
@@ -59,6 +61,12 @@ def test_the_agent_plays_all_levels_as_in_python_and_its_failures_come_first_whe
         "const p = window.playground; return [p.set, p.level, p.player.running, p.player.actor === p.policy]"
     )
     assert shown == [1, last, True, True]
+    assert page.run(f"{TO_THE_END} return window.playground.world.total") == page.run(AGENT)[1][last]["returned"]
+    second_batch = VectorEnv(TEST, 2, seed=BATCH)
+    second_batch.reset(seed=BATCH, options={"levels": [3, 2]})
+    page.run(f"window.playground.world.start(2, 0n, {BATCH + 1})")
+    key = page.run("return String(window.playground.world.machine.array('key')[0])")
+    assert key == str(second_batch.state().state.key[1])
 
 
 def test_what_the_agent_plays_is_not_counted_for_the_person(page: Browser) -> None:
