@@ -42,7 +42,8 @@ class Layout:
     """The slots of a level distribution and its extra parameters, and the columns that follow from them.
 
     Raises:
-        LevelError: two entity types, two factors with columns or two world parameters have one name.
+        LevelError: two entity types, two factors with columns or two world parameters have one name, or an entity has one that
+            cannot be printed.
     """
 
     slots: tuple[Slot, ...]
@@ -52,6 +53,11 @@ class Layout:
         require_own_names("entity types", self.types)
         require_own_names("factors", self.factors)
         require_own_names("world parameters", self.parameters)
+        for name in self.names:
+            if not name.isprintable():
+                raise LevelError(
+                    f"an entity is called {name!a}, with characters that cannot be printed; give it another ID"
+                )
 
     @cached_property
     def types(self) -> tuple[type[Entity], ...]:

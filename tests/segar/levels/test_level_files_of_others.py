@@ -226,3 +226,24 @@ def text_of(path):
     """The text of a level file in JSON, which is written there."""
     LEVELS.save(path)
     return path.read_text()
+
+
+@pytest.mark.parametrize("ending", [".json", ".npz"])
+@pytest.mark.parametrize("around", ['"""', "'''", "\\N{"])
+def test_the_name_of_an_entity_is_no_code(around, ending, tmp_path):
+    there = tmp_path / "there"
+    name = f"x{around}; open({str(there)!r}, 'w'); {around}"
+    goal = segar.GoalTile({segar.Position: (0.5, 0.5)})
+    levels = Levels.from_entities([[segar.GolfBall({segar.language.ID: name}), goal]])
+    levels.save(tmp_path / f"levels{ending}")
+    env = segar.envs.Env(Levels.load(tmp_path / f"levels{ending}"))
+    env.reset()
+    env.step(np.zeros(2, np.float32))
+    assert name in env.levels.layout.names
+    assert not there.exists()
+
+
+def test_a_name_that_cannot_be_printed_is_refused():
+    for name in ("a\nb", "\0", "\ud800", "\u202e"):
+        with pytest.raises(LevelError, match="characters that cannot be printed; give it another ID"):
+            Levels.from_entities([[segar.GolfBall({segar.language.ID: name})]])
