@@ -207,13 +207,10 @@ class _Call:
         before = [array.copy() for array in written]
         try:
             return self._kernel.steps_as_python((self._ledger, True, self._sheet, *self._mine), self._steps)
-        except BaseException as error:
+        except BaseException:
             for array, content in zip(written, before, strict=True):
                 array[...] = content
-            if not isinstance(error, TypeError):
-                raise
-            self._kernel.use_machine_code()  # numpy does not subtract truth values, which machine code does as numbers
-            return False
+            raise
 
     def do(self, owns: bool) -> None:
         """Take parts of the batch; see :class:`segar.support.threads.Work`."""

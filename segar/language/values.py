@@ -250,7 +250,8 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
         return VectorValue(where(condition, a.x, b.x), where(condition, a.y, b.y))
     if hasattr(condition, "select"):
         return condition.select(yes, no)
-    return yes if condition else no
+    chosen = yes if condition else no
+    return chosen if isinstance(chosen, bool) else _as_scalar(chosen)
 
 
 def minimum(a: Any, b: Any) -> Any:

@@ -144,7 +144,8 @@ def _operation(symbol: Symbol, read: Read, found: dict[Symbol, Any]) -> Any:
         factor: Any = symbol.args[1]
         return read(factor, *symbol.args[2:] or (0,))
     operation = getattr(np, _NUMPY_NAMES.get(symbol.op, symbol.op))
-    return operation(*(found[part] for part in symbol.args))
+    # As numbers, because truths of numpy add up to a truth.
+    return operation(*(np.float64(found[part]) for part in symbol.args))
 
 
 # What numpy calls the operations of expressions, where it calls them otherwise.

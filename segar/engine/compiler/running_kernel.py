@@ -5,6 +5,7 @@ Once steps have taken some time (:func:`segar.support.patience`), a process of i
 Python until it is done.
 """
 
+import ast
 import ctypes
 import os
 import pickle
@@ -127,21 +128,37 @@ def plain_module(text: str) -> ModuleType:
     name = kernel_path(text).stem
     if name in _plain:
         return _plain[name]
-    # numpy's scalars divide as numba's error_model="numpy" does; Python's own numbers and math.sqrt would raise. The sign of a
-    # zero is this zero for numba, -0.0 among them, and 0.0 for numpy.
     text = text.replace("from numba import njit", "def njit(**_): return lambda function: function")
-    text = text.replace("math.sqrt", "np.sqrt").replace("np.sign(", "(lambda x: np.sign(x) or x)(")
+    text = text.replace("math.sqrt(", "sqrt(").replace("np.sign(", "sign(")
     module = ModuleType(name)
+    # math.sqrt would raise below zero. The sign of a zero is this zero for numba, -0.0 among them, and 0.0 for numpy.
+    functions = {"sqrt": lambda x: np.sqrt(np.float64(x)), "sign": lambda x: np.sign(np.float64(x)) or x}
+    vars(module).update(functions, float64=np.float64)
     for shared in re.findall(r"^from (k_\w+) import", text, re.M):
         text = re.sub(rf"^from {shared} import.*$", "", text, flags=re.M)
         vars(module).update(vars(_plain[shared]))
-    exec(compile(text, f"{name}.py, as plain Python", "exec"), vars(module))
+    tree = ast.fix_missing_locations(_AsCompiled().visit(ast.parse(text)))
+    exec(compile(tree, f"{name}.py, as plain Python", "exec"), vars(module))
     if hasattr(module, "advance"):
         alone = {"open_ledger": _open_ledger, "take_part": _take_part, "finish_part": lambda ledger: None}
         read = {"gather_range": gather.gather_range.py_func, "table_on": _table_on}
         vars(module).update(alone, **read, advance=np.errstate(all="ignore")(module.advance))
     _plain[name] = module
     return module
+
+
+class _AsCompiled(ast.NodeTransformer):
+    """Gives numbers and truths the arithmetic of machine code: quotients by zero do not raise, and truths are counted."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        # numpy's scalars divide as numba's error_model="numpy" does; Python's own numbers would raise.
+        if isinstance(node.op, ast.Div):
+            node.left = ast.Call(ast.Name("float64", ast.Load()), [node.left], [])
+        return self.generic_visit(node)
+
+    def visit_Compare(self, node: ast.Compare) -> ast.AST:  # numpy's truths add up to a truth
+        self.generic_visit(node)
+        return ast.Call(ast.Name("bool", ast.Load()), [node], [])
 
 
 def _open_ledger(parts: np.ndarray) -> None:

@@ -23,7 +23,7 @@ from omegaconf import OmegaConf
 import segar
 from segar.engine.simulator import Simulator
 from segar.errors import PriorError, RuleError
-from segar.language import Number, Scalar, sin
+from segar.language import Number, Scalar, exp, sin, sqrt, where
 from segar.language.rule_definition import rule, value_rule
 from segar.language.symbols import deciding_by, make, walk
 from segar.levels.conditional import Dependent
@@ -195,6 +195,10 @@ RIGHT = {
     "a part of a truth": lambda m: (m > 1) / 2,
     "equal truths": lambda m: of_truth((m > 1) == (m > 2)),
     "ordered truths": lambda m: of_truth((m > 1) < (m > 0)),
+    "a count of truths": lambda m: True + (m > 1) + (m > 2) + (m > 3),
+    "a root of a truth": lambda m: sqrt(m > 1) * 0.1,
+    "a quotient by a choice": lambda m: 1.0 / (1.0 / where(m > 1, 1.0, 0.0)),
+    "a quotient by a function": lambda m: 1.0 / (1.0 / exp(-1000.0 - m)),
     "a truth and a truth": lambda m: of_truth((m > 1) & (m < 2) | (m == 3)),
 }
 
@@ -251,11 +255,9 @@ def own(name: str, function: Any) -> tuple[type[Scalar], Any]:
     return factor, rule(sets)
 
 
-@pytest.mark.parametrize(
-    ("simulator", "of_truths"), [(uncompiled, False), pytest.param(Simulator, True, marks=pytest.mark.compiled)]
-)
-def test_what_is_not_refused_is_the_same_in_the_kernel_in_the_interpreter_and_in_python(simulator, of_truths):
-    outs = {name: own(name, function) for name, function in RIGHT.items() if ("truth" in name) is of_truths}
+@pytest.mark.parametrize("simulator", [uncompiled, pytest.param(Simulator, marks=pytest.mark.compiled)])
+def test_what_is_not_refused_is_the_same_in_the_kernel_in_the_interpreter_and_in_python(simulator):
+    outs = {name: own(name, function) for name, function in RIGHT.items()}
     kind = type("Thing", (segar.Ball,), {"__annotations__": {f"out{n}": f for n, (f, _) in enumerate(outs.values())}})
     rng = np.random.default_rng(0)
     charges = [*VALUES, *rng.uniform(-1.0, 4.0, 10)]
@@ -269,6 +271,15 @@ def test_what_is_not_refused_is_the_same_in_the_kernel_in_the_interpreter_and_in
         np.testing.assert_array_equal(interpreter.step(levels, n).values, state.values[n])
         for name, (factor, _) in outs.items():
             assert state.values[n, 0, columns[factor]] == RIGHT[name](float(charge)), (name, charge)
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_a_distribution_computes_the_same(name):
+    def shift(m: segar.Charge) -> float:
+        return RIGHT[name](m)
+
+    found, _ = Dependent(segar.UniformNoise(0, 1), shift).shift_and_scale(lambda *_: np.array(VALUES), len(VALUES))
+    np.testing.assert_allclose(found, [float(RIGHT[name](m)) for m in VALUES], rtol=1e-14)
 
 
 def idle(v: segar.Velocity, action: segar.Action) -> segar.SetFactor[segar.Velocity]:
