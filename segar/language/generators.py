@@ -6,8 +6,11 @@ import linecache
 import pickle
 import random
 import sys
+from array import array
+from collections import ChainMap, UserDict, UserList, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
+from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType, SimpleNamespace
+from types import MemberDescriptorType as Slot
 from typing import Any
 
 import numpy as np
@@ -19,6 +22,12 @@ LIBRARIES = ("segar", "numpy", "scipy", "pandas", "torch", "pydantic", "omegacon
 OTHERS = {*LIBRARIES, *sys.stdlib_module_names}  # packages whose functions and classes are not looked into
 MOST_REACHED = 1000  # objects that are looked at
 LARGE = 100  # containers with more elements hold data
+MOST_BYTES = 2**24  # of an array whose numbers are compared
+# What some objects lead to; random.random is a method of a generator.
+PARTS = {np.random.Generator: ("bit_generator",), functools.partial: ("func", "args", "keywords")}
+PARTS |= {MethodType: ("__self__", "__func__"), BuiltinMethodType: ("__self__",)}
+CONTAINERS = (dict, list, tuple, set, frozenset, deque)
+OF_PYTHON = (SimpleNamespace, UserDict, UserList, ChainMap)  # whose attributes are looked at, too
 
 
 def reached_by(function: Callable[..., Any]) -> list[Any]:
@@ -42,9 +51,14 @@ def generators_of(reached: Sequence[Any]) -> list[Any]:
     return [one for one in reached if isinstance(one, GENERATORS) and not isinstance(one, random.SystemRandom)]
 
 
-def links_of(reached: Sequence[Any]) -> list[Any]:
-    """What each of these objects leads to, by numbers that are other ones once something was changed."""
-    return [[*map(id, _reached(one))] for one in reached]
+def watched(reached: Sequence[Any]) -> Callable[[], bool]:
+    """A function that says whether these objects still lead to what they lead to now."""
+
+    def places(held: Sequence[Sequence[Any]]) -> list[list[Any]]:
+        return [[one if type(one) is bytes else id(one) for one in of_one] for of_one in held]
+
+    before = [[*_reached(one, sys.maxsize)] for one in reached]  # keeps them, so that the id of each stays its own
+    return lambda: places([[*_reached(one, sys.maxsize)] for one in reached]) == places(before)
 
 
 def require_traceable(reached: Sequence[Any], where: str) -> None:
@@ -74,6 +88,11 @@ def _require_traceable(code: CodeType, function: FunctionType, where: str) -> No
 
 def _is_own(module: str | None) -> bool:
     return (module or "").partition(".")[0] not in OTHERS
+
+
+def _is_own_type(kind: type) -> bool:
+    module = getattr(kind, "__module__", "builtins")  # Cython's types of types have a descriptor there
+    return isinstance(module, str) and _is_own(module)
 
 
 def _is_of_author(function: FunctionType) -> bool:
@@ -119,24 +138,25 @@ def restore(generator: Any, state: bytes) -> None:
         generator.__setstate__(pickle.loads(state))
 
 
-def _reached(one: Any) -> Iterable[Any]:
-    if isinstance(one, np.random.Generator):
-        return [one.bit_generator]
-    if isinstance(one, functools.partial):
-        return [one.func, *one.args, *one.keywords.values()]
-    if isinstance(one, MethodType):
-        return [one.__self__, one.__func__]
+def _reached(one: Any, most: int = LARGE) -> Iterable[Any]:
+    for kind, names in PARTS.items():
+        if isinstance(one, kind):
+            return [getattr(one, name) for name in names]
     if isinstance(one, FunctionType):
         return _named_by(one)
-    if isinstance(one, dict | list | tuple | set | frozenset):
-        return () if len(one) > LARGE else [*(one.values() if isinstance(one, dict) else one)]
-    if isinstance(one, BuiltinMethodType):  # random.random is a method of a generator
-        return [one.__self__]
+    if isinstance(one, CONTAINERS):
+        return () if len(one) > most else [*(one.values() if isinstance(one, dict) else one)]
+    if isinstance(one, np.ndarray | array):
+        return [one.tobytes()] if np.asarray(one).nbytes <= MOST_BYTES else ()
     kind = one if isinstance(one, type) else type(one)
-    if isinstance(one, ModuleType) or not _is_own(getattr(kind, "__module__", "builtins")):
+    if isinstance(one, Iterator) and not _is_own_type(kind):
+        return [object()]  # which is another one each time, as what it gives
+    if isinstance(one, ModuleType) or not (issubclass(kind, OF_PYTHON) or _is_own_type(kind)):
         return ()
     held = vars(one) if type(one).__dictoffset__ else {}  # its class may answer for attributes that it does not have
-    return [*held.values(), *(one.__bases__ if isinstance(one, type) else [type(one)])]
+    members = (member for c in kind.__mro__ if _is_own_type(c) for member in vars(c).values())
+    slots = [getattr(one, m.__name__, None) for m in members if type(m) is Slot]
+    return [*held.values(), *slots, *(one.__bases__ if isinstance(one, type) else [type(one)])]
 
 
 def _named_by(function: FunctionType) -> list[Any]:

@@ -347,7 +347,7 @@ def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
             raise RuleError(
                 f"{code_place(function)}: {label}: '{error.name}' is not a factor.{did_you_mean(str(error.name), known)}"
             ) from None
-        except (SyntaxError, TypeError, AttributeError) as error:
+        except Exception as error:  # whatever the author wrote there
             raise RuleError(f"{code_place(function)}: cannot read the hint '{hint}' of '{name}': {error}") from None
     return hints
 

@@ -19,7 +19,7 @@ from segar.errors import RuleError
 from segar.language import random, symbols
 from segar.language.effects import Effect
 from segar.language.factors import Factor, Flag
-from segar.language.generators import generators_of, links_of, reached_by, require_traceable, restore, state_of
+from segar.language.generators import generators_of, reached_by, require_traceable, restore, state_of, watched
 from segar.language.symbols import NO_NUMPY, Symbol, as_symbol, as_truth, walk
 from segar.language.values import VectorValue
 
@@ -123,13 +123,13 @@ def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[
                 " compiles it and never again, so one draw would stay for all time. A rule draws with segar.random.uniform,"
                 " normal or bernoulli; a number that is drawn once belongs outside the function"
             )
-        links = links_of(reached := reached_by(function))  # after the first call, which may fill a cache
-        if not is_same(tree, _explore_all(function, arguments, finish, where)) or links_of(reached) != links:
+        is_unchanged = watched(reached_by(function))  # after the first call, which may fill a cache
+        if not is_same(tree, _explore_all(function, arguments, finish, where)) or not is_unchanged():
             raise RuleError(
-                f"{where}: computes something else when it is called again, or changes what it reads. It may read a clock,"
-                " count its calls or draw random numbers. SEGAR calls the function when it compiles it and never again, so what"
-                " it read would stay for all time. A rule draws with segar.random.uniform, normal or bernoulli, and keeps what"
-                " changes in a factor"
+                f"{where}: computes something else when it is called again, or changes what it reads. It may read a clock, go"
+                " on with an iterator, count its calls or draw random numbers. SEGAR calls the function when it compiles"
+                " it and never again, so what it read would stay for all time. A rule draws with segar.random.uniform, normal"
+                " or bernoulli, and keeps what changes in a factor"
             )
     finally:
         for one, state in zip(generators, before, strict=True):

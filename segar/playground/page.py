@@ -112,7 +112,7 @@ def make_playground(
     for part in (levels, test):
         if part is not None:
             _require_levels(part)
-    title = title or levels.provenance.name or "levels made by hand"
+    title = (title or levels.provenance.name or "levels made by hand").encode(errors="replace").decode()
     blobs = Blobs()
     named = observations.items() if isinstance(observations, Mapping) else [(name_of(one), one) for one in observations]
     sets = []

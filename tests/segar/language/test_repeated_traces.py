@@ -1,8 +1,10 @@
 """What a function would read once, when it is compiled, and keep for all time is refused where the function is defined."""
 
+import collections
 import itertools
 import random
 import time
+import types
 from functools import partial
 
 import numpy as np
@@ -40,13 +42,32 @@ class Visits:
         return self.number
 
 
+class Slotted:
+    """An object of the author's without a dictionary."""
+
+    __slots__ = ("number",)
+
+
 WEATHER, VISITS = Weather(), Visits()
+STEPS, COUNTS, LONG = (step for step in range(10**6)), np.zeros(1), [0] * 1000
+SPACE, SLOTTED = types.SimpleNamespace(number=0), Slotted()
+SLOTTED.number = 0
 
 
 def counts_by_a_name():
     global TIMES
     TIMES += 1
     return TIMES
+
+
+def counts_by_an_attribute(of):
+    of.number += 1
+    return of.number
+
+
+def counts_in_a_long_list():
+    LONG[0] += 1
+    return LONG[0]
 
 
 def helper():
@@ -78,6 +99,13 @@ SOURCES = {
     "a count in a dictionary": lambda kept={}: after_many(kept.setdefault("n", kept.pop("n", 0) + 1)),
     "a count by a name": lambda: after_many(counts_by_a_name()),
     "a count of an object": lambda: after_many(VISITS.seen()),
+    "a counter that decides late": lambda: after_many(next(COUNTER)),
+    "a generator": lambda: after_many(next(STEPS)),
+    "a queue": lambda rows=collections.deque(): after_many(len(rows.append(0) or rows)),
+    "an array": lambda: after_many(np.add(COUNTS, 1, out=COUNTS)[0]),
+    "a namespace": lambda: after_many(counts_by_an_attribute(SPACE)),
+    "slots": lambda: after_many(counts_by_an_attribute(SLOTTED)),
+    "a long list": lambda: after_many(counts_in_a_long_list()),
 }
 READ_ONCE = r"draws from a generator of random numbers|computes something else when it is called again"
 
