@@ -4,6 +4,7 @@ from segar.engine.compiler.emit import MATHEMATICS, VARIABLES
 from segar.errors import RuleError, did_you_mean
 from segar.language import Action, Layout, Order, Parameter, Position, Relation, Rule, Size, Velocity, holds, symbols_of
 
+MOST_DRAWS = 256  # of a rule; the next ones would be those of the rule behind it
 MOST_OPERATIONS = 10_000  # of a rule, which compile in two minutes
 COST_OF_A_FUNCTION = 30  # operations that take as long to compile as a call of an elementary function
 
@@ -35,11 +36,10 @@ def check_rule(rule: Rule, layout: Layout, numbers: int, allows_action: bool, al
             f" {MOST_OPERATIONS:,} of a rule (an elementary function counts as {COST_OF_A_FUNCTION}); take fewer steps, or one"
             " step in each sub-step, with a factor that holds what was reached"
         )
-    for symbol in symbols:
-        if symbol.op == "action" and not 0 <= symbol.args[0] < numbers:
-            raise RuleError(
-                f"{rule.where}: takes action[{symbol.args[0]}], but the task's action has {numbers} numbers"
-            )
+    for number in (s.args[0] for s in symbols if s.op == "action" and not 0 <= s.args[0] < numbers):
+        raise RuleError(f"{rule.where}: takes action[{number}], but the task's action has {numbers} numbers")
+    if any(s.op == "draw" and s.args[0] >= MOST_DRAWS for s in symbols):
+        raise RuleError(f"{rule.where}: draws more than {MOST_DRAWS} random numbers; make two rules of it")
 
 
 def check_contact_rule(rule: Rule) -> None:

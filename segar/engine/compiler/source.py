@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from types import ModuleType
 
+from segar.engine.compiler.checks import MOST_DRAWS
 from segar.engine.compiler.emit import VARIABLES, Writer, bind, both, match_test
 from segar.engine.compiler.spec import Matcher, relation_mask, static_relation
 from segar.language import Branch, Floor, Layout, Leaf, Pattern, Rule, Symbol, Tree, symbols_of, walk
@@ -70,7 +71,7 @@ class Source:
         if op == "draw":
             rule, number, *variables = args
             places = (*variables, "0", "0", "0")[:3]
-            return f"keyed_uniform(key, tick, {rule * 256 + number}, {', '.join(places)})"
+            return f"keyed_uniform(key, tick, {rule * MOST_DRAWS + number}, {', '.join(places)})"
         if op == "relation":
             return self._relation(w, symbol)
         raise AssertionError(f"no source for {op}")

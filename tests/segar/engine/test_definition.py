@@ -397,6 +397,18 @@ def test_an_action_has_as_many_numbers_as_the_task_says():
         build([move], task=Task("push", push))
 
 
+def test_a_rule_draws_no_numbers_of_the_rule_behind_it():
+    def drawing(count):
+        def jitter(m: Mass) -> SetFactor[Mass]:
+            return SetFactor[Mass](m, sum(segar.random.uniform() for _ in range(count)))
+
+        return rule(jitter)
+
+    build([drawing(256)])
+    with pytest.raises(RuleError, match=r"jitter .* draws more than 256 random numbers"):
+        build([drawing(257)])
+
+
 def test_geometry_needs_the_factors_themselves():
     levels = Levels.from_entities([[GolfBall(), GoalTile({Position: (0.8, 0.8)}), Cloud({Place: (0.1, 0.1)})]])
     with pytest.raises(RuleError, match="entity Cloud holds Place in place of Position; let it hold Position itself"):
