@@ -86,13 +86,13 @@ def _require_traceable(code: CodeType, function: FunctionType, where: str) -> No
             raise RuleError(f"{where} (line {number}: `{line}`): a rule cannot use {refusal}")
 
 
-def _is_own(module: str | None) -> bool:
-    return (module or "").partition(".")[0] not in OTHERS
+def _is_own(module: Any) -> bool:
+    """Whether a module of this name is the author's own; Cython's types of types have a descriptor in its place."""
+    return module is None or (isinstance(module, str) and module.partition(".")[0] not in OTHERS)
 
 
 def _is_own_type(kind: type) -> bool:
-    module = getattr(kind, "__module__", "builtins")  # Cython's types of types have a descriptor there
-    return isinstance(module, str) and _is_own(module)
+    return _is_own(getattr(kind, "__module__", "builtins"))
 
 
 def _is_of_author(function: FunctionType) -> bool:

@@ -176,16 +176,13 @@ def name_slots(groups: Sequence[tuple[tuple[type[Entity], ...], int]]) -> list[s
     names: list[str] = []
     counts: dict[str, int] = {}
     for types, count in groups:
-        base = entity_name(_common_parent(types))
+        parent = next(c for c in types[0].__mro__ if issubclass(c, Entity) and all(issubclass(t, c) for t in types))
+        base = entity_name(parent)
         alone = len(types) == 1 and count == 1 and sum(t == types for t, _ in groups) == 1
         for _ in range(count):
             counts[base] = counts.get(base, 0) + 1
             names.append(base if alone else f"{base}{counts[base]}")
     return names
-
-
-def _common_parent(types: tuple[type[Entity], ...]) -> type[Entity]:
-    return next(c for c in types[0].__mro__ if issubclass(c, Entity) and all(issubclass(t, c) for t in types))
 
 
 class Factors(dict[str, np.ndarray]):

@@ -38,7 +38,7 @@ def mechanisms(distribution: LevelDistribution) -> dict[str, str]:
         ENTITIES: content_hash(distribution.numbers),
         RULES: content_hash([[*map(list, rules)], world.walls, space]),
     }
-    priors = [p for p in distribution.priors if p.entity_type is None or _concerns(p, types)]
+    priors = [p for p in distribution.priors if not p.entity_type or any(issubclass(t, p.entity_type) for t in types)]
     for factor in (*distribution.layout.factors, Shape):
         if factor not in WITHOUT_EFFECT:
             content: list[object] = [p for p in priors if p.factor.__name__ == factor.__name__]
@@ -123,11 +123,6 @@ def set_as(levels: Levels, donors: Levels, names: Collection[str], min_distance:
         stayed = (levels.types >= 0) & (mixed.types >= 0)
         fits &= ((np.nan_to_num(before) == np.nan_to_num(positions)).all(axis=2) | ~stayed).all(axis=1)
     return dataclasses.replace(Levels(**vars(mixed)), sampled_values=mixed.values.copy()), fits & _differ(levels, mixed)
-
-
-def _concerns(prior: Prior, types: Collection[type]) -> bool:
-    """Whether some entity of these types has the prior's factor from it."""
-    return any(issubclass(kind, prior.entity_type) for kind in types)  # type: ignore[arg-type]
 
 
 def _parameters(distribution: LevelDistribution, names: Collection[str], inside: bool) -> dict[type[Parameter], object]:

@@ -214,18 +214,11 @@ def _merged_types(sets: Sequence[Levels]) -> list[str]:
     found = []
     for mine, others, place in ((*present, "first"), (*present[::-1], "second")):
         numbers = [{f for f in kind.declared if f.width} for kind in others]
-        merged = [
-            kind.__name__
-            for kind in mine
-            if kind not in others and not _is_shipped(kind) and {f for f in kind.declared if f.width} in numbers
-        ]
+        own = [kind for kind in mine if kind not in others and kind.__module__.partition(".")[0] != "segar"]
+        merged = [kind.__name__ for kind in own if {f for f in kind.declared if f.width} in numbers]
         if merged:
             found.append(f"entity {', '.join(merged)}: only in the {place} set; mode 'exact' tells it from others")
     return found
-
-
-def _is_shipped(kind: type[Entity]) -> bool:
-    return kind.__module__.partition(".")[0] == "segar"
 
 
 def _parameters_of_rules(a: Levels, b: Levels) -> tuple[type[Parameter], ...]:

@@ -154,17 +154,14 @@ def _require_levels(levels: Levels) -> None:
         )
 
 
-def _program(path: Path) -> bytes:
-    """A file of the program without its documentation, which is a seventh of it."""
-    return DOCUMENTATION.sub("", path.read_text(encoding="utf-8")).encode()
-
-
 def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
     """The template with its style, its program and its data in it."""
     parts_of = {"objective": OF_TWO_SETS, "studio": OF_THE_STUDIO, "match": OF_A_MATCH}
     left_out = [name for part, names in parts_of.items() if part not in about for name in names]
     scripts = [path for path in sorted(STATIC.glob("*.js")) if path.name not in left_out]
-    about["scripts"] = {path.name: blobs.add(_program(path)) for path in scripts}
+    # Without their documentation, which is a seventh of them.
+    programs = {path.name: DOCUMENTATION.sub("", path.read_text(encoding="utf-8")) for path in scripts}
+    about["scripts"] = {name: blobs.add(program.encode()) for name, program in programs.items()}
     data, about["blobs"] = blobs.laid_out()
     head = json.dumps(about, separators=(",", ":"), allow_nan=False).encode()
     head += b" " * (-len(head) % 8)

@@ -19,16 +19,7 @@ from segar.analysis.report.claims.specifications import specifications
 from segar.analysis.report.claims.statements import stated
 from segar.analysis.report.claims.tests import SAME, differences
 from segar.analysis.report.document.blocks import Block, Bullets, Paragraph, Table
-from segar.analysis.report.number_format import (
-    NONE,
-    effect,
-    effect_of_r,
-    estimate_text,
-    listed,
-    p_value,
-    plain,
-    signed,
-)
+from segar.analysis.report.number_format import NONE, effect, effect_of_r, estimate_text, listed, p_value, plain, signed
 from segar.analysis.report.results import PANEL, panels_of, shifts_in_words
 from segar.analysis.report.rules import GATE_MARGIN
 from segar.analysis.stats.estimate import Estimate
