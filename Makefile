@@ -1,6 +1,7 @@
 # Everything here works on a fresh clone: the first target that needs it creates .venv and installs into it.
 #
-#   make test                     the tests (make test-slow: the long ones)
+#   make test                     the tests of the library, of the analysis and of the project (make test-slow: the long ones)
+#   make test-training            the tests of training, sweeps, the benchmark and the examples
 #   make test-docs                the programs and the pages of the documentation
 #   make check-results            what docs/results says is what its tables, networks and rows give
 #   make test-oldest              the core with the oldest versions that pyproject.toml allows; make test-newest: the newest
@@ -46,7 +47,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-docs check-results test-processors test-oldest test-newest test-slow test-browser test-aarch64 mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site dist verify-rows clean
+.PHONY: help setup test test-training test-docs check-results test-processors test-oldest test-newest test-slow test-browser test-aarch64 mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site dist verify-rows clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -76,10 +77,13 @@ $(SITE_STAMP): $(STAMP)
 	@touch $@
 
 # Python keeps what it compiled, whatever the caller prefers: the tests start hundreds of imports.
-test test-docs check-results: export PYTHONDONTWRITEBYTECODE :=
+test test-training test-docs check-results: export PYTHONDONTWRITEBYTECODE :=
 # Three workers on two cores: each holds fewer kernels and libraries, at most 2 GB, and the time is the same.
 test: $(STAMP)
 	$(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
+
+test-training: $(STAMP)
+	$(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder tests/experiments tests/examples $(ARGS)
 
 # A page is run by one process, and the pages are shared out.
 test-docs: $(STAMP)
