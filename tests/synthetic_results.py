@@ -41,7 +41,7 @@ def run_rows(
         gap = slope * (exact if beyond_n else expected) + noise * rng.normal()
         what = {"algorithm": "ppo_fast", "observation": "rgb_stack2", "task": "puttputt", "variation": ""}
         what |= {"design": "iid"} | place
-        name = "-".join(map(str, (family, difficulty, n, seed, *what.values())))
+        name = "-".join(map(str, (family, difficulty, n, seed, *what.values(), experiments)))
         eta = -1.0 - 0.5 * j - 5.0 * (family == "tilesx1")
         rows.append(
             {"experiments": experiments, "family": family, "difficulty": difficulty, "n": n, **what, "seed": seed,

@@ -199,8 +199,8 @@ def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
             require(not wrong, name, wrong[:1], f"whole numbers from {least} up")
         gaps = column(runs, "gap_deterministic")
         require(bool(np.isfinite(gaps).any()), "gap_deterministic", float(gaps[0]), "a number of some run")
-    for file, table, names in ((RUNS, runs, ["run"]), (TRANSFERS, transfers, ["run", "test"])):
-        twice = [] if table.empty else list(table.loc[table.duplicated(names), "run"])
+    for file, table, names in ((RUNS, runs, ["run"]), (TRANSFERS, transfers, ["run", "transfer"])):
+        twice = list(table.loc[table.duplicated(names), "run"]) if {*names} <= {*table.columns} else []
         with naming(folder / file, RunFolderError):
             require(not twice, "run", twice[:1], "there once: each row would count")
     studies: dict[str, dict[str, pd.DataFrame]] = {}

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import LevelError, did_you_mean
+from segar.errors import LevelError, did_you_mean, naming
 from segar.language import Entity, GlobalFriction, Layout, Parameter, Slot, all_subclasses
 from segar.levels.level_data import SPLIT, LevelData, Provenance
 from segar.levels.moments import Moments, source_moments
@@ -77,9 +77,9 @@ def layout_of(description: Mapping[str, Any], path: Path, world: World | None) -
     strange = [s["name"] for s in described if not s["types"] or not all(0 <= k < len(types) for k in s["types"])]
     if strange:
         raise LevelError(f"{path}: the types of the slot '{strange[0]}' are not among its {len(types)}; save it again")
-    layout = Layout(
-        tuple(Slot(s["name"], tuple(types[k] for k in s["types"]), s["optional"]) for s in described), tuple(extra)
-    )
+    slots = tuple(Slot(s["name"], tuple(types[k] for k in s["types"]), s["optional"]) for s in described)
+    with naming(path, LevelError):
+        layout = Layout(slots, tuple(extra))
     has_floor = layout.slots and layout.slots[-1].types == (GlobalFriction,)  # as every level has it there
     if layout.types != tuple(types) or len(set(layout.names)) < len(described) or not has_floor:
         raise LevelError(

@@ -200,6 +200,7 @@ def test_versions_seeds_and_settings_of_the_runs_are_said(tmp_path, undrawn):
     stated = {"algorithm.gamma": "0.95", "algorithm.encoder": "impala", "algorithm.reward_transform": "none"}
     runs = pd.concat([few_runs().assign(seed=seed, commit=f"{seed}" * 40) for seed in (4, 7)], ignore_index=True)
     runs["code"] = np.where(runs["seed"] == 4, "f0u2", "5even")
+    runs["run"] += runs["code"]
     runs = runs.assign(libraries="python 3.11.7, torch 2.13.0", computed_with="AVX512, bf16", observation="textures")
     page = page_of(tmp_path / "quick-5678", {"runs": runs.assign(**stated)})
     assert "Libraries: python 3.11.7, torch 2.13.0." in page
@@ -223,11 +224,11 @@ def test_much_that_is_missing_is_summed_up_by_experiments(tmp_path, undrawn):
     lines += ["c,not finished,memory,Memory"]
     (folder / "missing.csv").write_text("\n".join(["run,reason,name,experiment", *lines]))
     (folder / "figures").mkdir()
-    (folder / "figures" / "of_an_earlier_report.png").touch()
+    (folder / "figures" / "w2_study.png").touch()
     page = page_of(folder)
     assert "Preliminary" not in page, "tables without a plan are shipped"
     assert "unknown: these tables do not state algorithm.gamma" in page
-    assert not (folder / "figures" / "of_an_earlier_report.png").exists()
+    assert not (folder / "figures" / "w2_study.png").exists()
     found = (folder / "findings.md").read_text()
     assert "| `figure_3a` | Grid | 7 | 0 | 0.7 |" in found  # a run took 0.1 hours
     assert "| `memory` | Memory | 1 | 1 | – |" in found

@@ -20,7 +20,14 @@ from segar.experiments.commands.hydra_app import compose_data, initialized
 from segar.experiments.reproduce import SETTINGS, with_sweep_tag, write_plan
 from segar.experiments.reproduction.experiment_file import ClaimConfig
 from segar.experiments.reproduction.plan import make_plan
-from segar.experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, SUMMARY, folder_path, read_summary, write_json
+from segar.experiments.runs.run_folder import (
+    LEVELS_TEST,
+    LEVELS_TRAIN,
+    SUMMARY,
+    folder_path,
+    read_evaluation,
+    write_json,
+)
 from segar.experiments.runs.trust import TRUSTED
 from segar.experiments.settings import ConfigError, RunFolderError
 from segar.experiments.study import build, study_of
@@ -189,7 +196,7 @@ def with_levels(work):
     run = work.run
     for place in (folder_path(run), *(transfer.folder(run) for transfer in work.transfers)):
         left = {"evaluation/test/results/distance_to_goal/deterministic": float(run.levels.count)}
-        write_json(place / SUMMARY, {**read_summary(place), **left})
+        write_json(place / SUMMARY, {**(read_evaluation(place) or {}), **left})
     for transfer in work.transfers:
         transfer.levels(run).save(transfer.folder(run) / "levels.npz")
 
