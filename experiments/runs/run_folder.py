@@ -79,8 +79,9 @@ METRIC_SCHEMA = pa.schema(
     ]
 )
 
-ARITHMETIC = {**dict.fromkeys(("instruction_set", "precision", "device", "determinism", "processor"), str), "threads": int,
-              "limits": dict}  # fmt: skip
+# Earlier releases said less.
+ARITHMETIC = {**dict.fromkeys(("instruction_set?", "precision?", "device?", "determinism?", "processor?"), str),
+              "threads?": int, "limits?": dict}  # fmt: skip
 VERSIONS_FORM = {
     "python": str, "libraries": {str: (str, None)}, "git": ({"commit": str, "changed": bool}, None), "code": {str: str},
     "levels?": {str: str}, "arithmetic?": ARITHMETIC, "arithmetic_before?": [ARITHMETIC],

@@ -9,6 +9,7 @@ from segar.experiments.commands.hydra_app import compose
 from segar.experiments.runs.run_folder import computed_as_begun, precision_in, read_config, use_run_folder
 from segar.experiments.settings import ConfigError, RunFolderError
 from segar.experiments.settings.processor import BFLOAT16, multiplies_bf16
+from tests.synthetic_runs import MADE_WITH
 
 pytestmark = pytest.mark.processor
 ASKED = ["levels=empty-easy", "algorithm=ppo_fast", "observation=rgb_stack2"]
@@ -25,7 +26,7 @@ def begun_in_bf16(on, tmp_path):
     """The settings and the folder of a run that says auto, and was begun where auto is bfloat16."""
     config = compose([*ASKED, f"root={tmp_path}"])
     with use_run_folder(config) as folder:
-        (folder / "versions.json").write_text(json.dumps({"arithmetic": {"precision": "bf16"}}))
+        (folder / "versions.json").write_text(json.dumps({**MADE_WITH, "arithmetic": {"precision": "bf16"}}))
     on(False)
     return config, folder
 
@@ -68,7 +69,7 @@ def test_a_folder_of_another_precision_than_the_one_that_is_set_is_refused(begun
     for precision in ("auto", "bf16"):
         with use_run_folder(config.with_precision(precision)) as found:
             assert found == folder
-    (folder / "versions.json").write_text(json.dumps({"arithmetic": {"precision": "fp32"}}))
+    (folder / "versions.json").write_text(json.dumps({**MADE_WITH, "arithmetic": {"precision": "fp32"}}))
     with (
         pytest.raises(RunFolderError, match=r"algorithm\.precision is 'fp32' there and 'bf16' here"),
         use_run_folder(config.with_precision("bf16")),
