@@ -84,9 +84,7 @@ def figure_5b(evidence: Evidence) -> Drawn:
     curves = evidence.all_results.curves
     chosen = select(curves, name="episode/return").merge(pick(evidence.ungated.main, ["run", *CELL]), on="run")
     chosen = drawable(chosen, "the curves have no returns of training episodes")
-    chosen = chosen.assign(frames=binned(column(chosen, "frames")))
-    table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
-    return Drawn(curves_of_panels(table, "training return"), table)
+    return curves_of_panels(chosen.assign(frames=binned(column(chosen, "frames"))), "training return")
 
 
 def appendix_sac(evidence: Evidence) -> Drawn:
@@ -97,14 +95,15 @@ def appendix_sac(evidence: Evidence) -> Drawn:
     returns = select(curves, name="evaluation/test/return/deterministic")
     chosen = returns.merge(pick(runs, ["run", "algorithm", *CELL]), on="run")
     drawable(chosen, "the curves have no returns of SAC on test levels")
-    table = mean_by(chosen, ["algorithm", "family", "difficulty", "n", "frames"], ["value"])
-    return Drawn(curves_of_panels(table, "return on test levels", "algorithm"), table)
+    return curves_of_panels(chosen, "return on test levels", "algorithm")
 
 
-def curves_of_panels(table: pd.DataFrame, y_label: str, kinds: str = "") -> Figure:
-    """The curves of the panels that a table has."""
-    named = with_panel(table)
-    return figure_of_curves(named, {panel: panel_name(panel) for panel in panels_of(named)}, y_label, kinds)
+def curves_of_panels(curves: pd.DataFrame, y_label: str, *kinds: str) -> Drawn:
+    """The means of curves in each panel, with how many runs they are of."""
+    table = mean_by(curves, [*kinds, "family", "difficulty", "n", "frames"], ["value"])
+    named, runs = with_panel(table), with_panel(curves).groupby("panel")["run"].nunique()
+    titles = {panel: f"{panel_name(panel)}, runs: {runs[panel]}" for panel in panels_of(named)}
+    return Drawn(figure_of_curves(named, titles, y_label, *kinds), table)
 
 
 def performance_profiles(evidence: Evidence) -> Drawn:

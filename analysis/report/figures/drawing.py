@@ -70,7 +70,8 @@ def success_by_number(table: pd.DataFrame, by: str, lines: Mapping[str, str], y_
             look = {"color": colours[name], "marker": markers[name], "linestyle": line, "label": f"{name}, {kind}"}
             axes.plot(column(means, "n"), column(means, "success"), **look)
         log_axis(axes, sorted(set(part["n"])))
-        axes.set(ylim=(-0.03, 1.03), title=word_for(family), xlabel="training levels")
+        axes.set(ylim=(-0.03, 1.03), xlabel="training levels")
+        axes.set_title(f"{word_for(family)}, runs: {len(part) // len(lines)}")
     grid[0].set_ylabel(y_label)
     legend_below(figure, grid[0], 3)
     return figure
