@@ -79,11 +79,9 @@ $(SITE_STAMP): $(STAMP)
 # Python keeps what it compiled, whatever the caller prefers: the tests start hundreds of imports.
 test test-training test-docs check-results: export PYTHONDONTWRITEBYTECODE :=
 # Three workers on two cores: each holds fewer kernels and libraries, at most 2 GB, and the time is the same.
-test: $(STAMP)
-	$(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
-
-test-training: $(STAMP)
-	$(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder tests/experiments tests/examples $(ARGS)
+test-training: TRAINING := tests/experiments tests/examples
+test test-training: $(STAMP)
+	$(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder $(TRAINING) $(ARGS)
 
 # A page is run by one process, and the pages are shared out.
 test-docs: $(STAMP)

@@ -117,8 +117,7 @@ def make_report(config: ReportConfig) -> Report:
     written[folder / CLAIMS] = subject.claims_table(claims)
     for path, table in written.items():
         write_csv(path, table, 4)
-    files += written
-    files += write_document(subject.document(claims, drawn), folder, config.pdf)
+    files += [*written, *write_document(subject.document(claims, drawn), folder, config.pdf)]
     remove_others(folder, subject, files)
     report = Report(folder, files, claims, subject)
     if config.tracking:

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from segar.errors import naming
 from segar.experiments.evaluation.transfers import RunTask
-from segar.experiments.runs.files import read_table
+from segar.experiments.runs.files import read_table, typed
 from segar.experiments.runs.run_folder import PROBES
 from segar.experiments.settings import ConfigError
 
@@ -60,7 +60,7 @@ def read_imported_results(folders: Sequence[Path]) -> ImportedResults:
 def columns(path: Path, *names: str) -> list[list[str]]:
     """Columns of a table as lists. They are empty where the file is missing or has no columns, because it has no rows."""
     with naming("imported", ConfigError):
-        if not (path.exists() and read_table(path).num_columns):
-            return [[] for _ in names]
-        table = read_table(path, schema=pa.schema([(name, pa.string()) for name in names]))
-        return [table[name].to_pylist() for name in names]
+        table = read_table(path) if path.exists() else pa.table({})
+        if table.num_columns:
+            table = typed(path, table, pa.schema([(name, pa.string()) for name in names]))
+        return [table[name].to_pylist() if table.num_columns else [] for name in names]

@@ -88,10 +88,16 @@ def read_table(path: Path, columns: Sequence[str] | None = None, schema: pa.Sche
             memory than the limit.
     """
     table = support.read_table(path, "table", RunFolderError, columns)
-    for one in () if schema is None else schema:
-        place, hint = table.schema.get_field_index(one.name), did_you_mean(one.name, table.schema.names)
+    return table if schema is None else typed(path, table, schema)
+
+
+def typed(path: Path, table: pa.Table, schema: pa.Schema) -> pa.Table:
+    """The table of the file ``path`` with the columns of ``schema`` in its types; others are left as they are. Raises
+    :class:`RunFolderError` where a column is missing or of another kind."""
+    for one in schema:
+        place, names = table.schema.get_field_index(one.name), table.schema.names
         if place < 0:
-            raise RunFolderError(f"{path} has no column '{one.name}', or several.{hint}")
+            raise RunFolderError(f"{path} has no column '{one.name}', or several.{did_you_mean(one.name, names)}")
         try:
             table = table.set_column(place, one, table.column(place).cast(one.type))
         except pa.ArrowException as error:

@@ -18,6 +18,8 @@ from segar.levels.hashing import content_hash
 from segar.levels.priors import Prior
 from segar.noise import Noise
 
+# Of what the names can be called in a text: distributions, shapes, priors, and choices of entities.
+CALLED = (Noise, BaseShape, Prior, ThingFactory, Dependent)
 PARTS = ("numbers", "priors", "parameters", "positions", "min_distance")
 """What a text can change; name, rules and task are those of the distribution that was written."""
 WHOLE = "LevelDistribution"
@@ -208,7 +210,7 @@ class _Reader:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             make = self.of(node.func)
             named = {keyword.arg: self.of(keyword.value) for keyword in node.keywords if keyword.arg is not None}
-            if _can_be_called(make) and len(named) == len(node.keywords):
+            if isinstance(make, type) and issubclass(make, CALLED) and len(named) == len(node.keywords):
                 return self._made(node, make, *map(self.of, node.args), **named)
         raise LevelError(
             f"line {node.lineno}: '{ast.unparse(node)[:80]}' cannot stand here; write numbers, lists, names, and calls such"
@@ -220,11 +222,6 @@ class _Reader:
             return make(*args, **named)
         except (TypeError, ValueError, ArithmeticError) as error:  # what constructors say of wrong arguments
             raise LevelError(f"line {node.lineno}: {error}") from error
-
-
-def _can_be_called(made: Any) -> bool:
-    """Whether the name of it can be called in a text: distributions, shapes, priors, and choices of entities."""
-    return isinstance(made, type) and issubclass(made, (Noise, BaseShape, Prior, ThingFactory, Dependent))
 
 
 def _nearest(name: str, names: Mapping[str, Any]) -> str:
