@@ -101,7 +101,7 @@ def appendix_sac(evidence: Evidence) -> Drawn:
 def curves_of_panels(curves: pd.DataFrame, y_label: str, *kinds: str) -> Drawn:
     """The means of curves in each panel, with how many runs they are of."""
     table = mean_by(curves, [*kinds, "family", "difficulty", "n", "frames"], ["value"])
-    named, runs = with_panel(table), with_panel(curves).groupby("panel")["run"].nunique()
+    named, runs = with_panel(table), with_panel(curves).groupby("panel", dropna=False)["run"].nunique()
     titles = {panel: f"{panel_name(panel)}, runs: {runs[panel]}" for panel in panels_of(named)}
     return Drawn(figure_of_curves(named, titles, y_label, *kinds), table)
 
