@@ -44,10 +44,6 @@ from segar.experiments.settings import ConfigError, RunConfig, RunFolderError, S
 from segar.levels import REST, SEPARATOR
 from segar.support import counted
 
-# [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.
-ASSUMED_SPEED = {
-    "state": 6000.0, "pixels": 1800.0, "auxiliary": 900.0, "recurrent": 700.0, "impala": 250.0, "off-policy": 40.0,
-}  # fmt: skip
 ASSUMED_BESIDE = 13.0  # [s] per run for preparation, where its kernel is compiled already, and evaluation
 ASSUMED_PROBING = 60.0  # [s] per run
 TRANSFER_SHARE = 0.3  # of that: a run's evaluation has two level sets instead of one
@@ -273,17 +269,19 @@ class Speeds:
 
 
 def assumed_speed(run: RunConfig) -> float:
-    """Frames per second where no such run has been measured."""
+    """Frames per second of one process where no such run has been measured: what two cores of a small server gave."""
     settings = run.algorithm
-    kinds = {
-        "off-policy": hasattr(settings, "steps_per_update"),
-        "state": run.observation.name.startswith("state"),
-        "impala": str(getattr(settings, "encoder", "")).startswith("impala"),
-        "recurrent": hasattr(settings, "core"),
-        "auxiliary": hasattr(settings, "auxiliary_minibatches"),
-        "pixels": True,
-    }
-    return ASSUMED_SPEED[next(kind for kind, holds in kinds.items() if holds)]
+    steps, states = getattr(settings, "steps_per_update", 0), run.observation.name.startswith("state")
+    speeds = [
+        (40.0 * steps, steps and states),  # so many gradient steps
+        (10.0 * steps, steps),
+        (6000.0, states and not hasattr(settings, "core")),
+        (250.0, str(getattr(settings, "encoder", "")).startswith("impala")),
+        (700.0, hasattr(settings, "core")),
+        (900.0, hasattr(settings, "auxiliary_minibatches")),
+        (1800.0, True),
+    ]
+    return next(speed for speed, holds in speeds if holds)
 
 
 def measure_speeds(root: Path) -> Speeds:

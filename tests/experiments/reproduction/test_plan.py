@@ -10,7 +10,7 @@ import pytest
 
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.reproduction.experiment_file import experiment_at
-from segar.experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds
+from segar.experiments.reproduction.plan import ASSUMED_BESIDE, Speeds, as_text, in_minutes, make_plan, measure_speeds
 from segar.experiments.runs.executed_code import executed_code
 from segar.experiments.runs.run_folder import CHECKPOINT, CONFIG, JOURNAL, SUMMARY, folder_path, write_json
 from segar.experiments.settings import ConfigError, ScaleConfig
@@ -188,6 +188,17 @@ def test_speeds_are_medians_of_what_this_machine_ran(tmp_path):
     fresh = dataclasses.replace(plan.runs[0], run=dataclasses.replace(plan.runs[0].run, seed=9))
     assert speeds.seconds(fresh) == pytest.approx(8 + 1000 / 500)
     assert speeds.basis([fresh.run]) == "by 3 finished runs here"
+
+
+def test_what_is_not_measured_is_assumed_by_what_an_algorithm_does(tmp_path):
+    def seconds(algorithm, observation="state"):
+        grid = {**MAIN["grid"], "algorithms": [algorithm], "observations": [observation], "frames": 10**6}
+        run = plan_of(tmp_path, main={**MAIN, "grid": grid}).runs[0].run
+        return Speeds({}, {}, 0).seconds_of_run(run, 10**6) - ASSUMED_BESIDE
+
+    assert seconds("sac") == pytest.approx(32 * seconds("sac_fast"))  # gradient steps
+    assert seconds("drq", "rgb_stack2") > seconds("sac") / 8 > seconds("sac_fast")
+    assert seconds("ppo_fast") < seconds("sac_fast") and 3 * seconds("ppo_fast") < seconds("ppo_recurrent")
 
 
 def test_the_plan_says_what_is_shared_done_and_left(tmp_path):
