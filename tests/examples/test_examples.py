@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import segar
-from examples import evolution, imitation, nearest, ppo, sb3_ppo
+from examples import evolution, imitation, nearest, ppo, sb3_ppo, sb3_tqc
 from segar.suites import side_options, suite
 from tests.places import ROOT
 
@@ -56,6 +56,21 @@ def test_imitation_begins_anew_in_states_that_its_agent_reached():
     env = segar.envs.VectorEnv(num_envs=len(options["levels"]), seed=1, **options)
     reached = imitation.states_of(env, lambda seen: np.full((len(seen), 2), 0.1), np.random.default_rng(0))
     assert 0 < len(reached) <= len(env.levels) and not np.isin(reached.values[:, 0], env.levels.values[:, 0]).all()
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning:torch", "ignore:.*LeafSpec:FutureWarning")  # of torch's exporter
+def test_a_quantile_learner_is_written_as_it_acts_and_not_twice(tmp_path, capsys):
+    few = ["--suites", "place-few-v1", "--frames", "2560", "--out", str(tmp_path)]
+    sb3_tqc.main(few)
+    file = tmp_path / "place-few-v1-s1.onnx"
+    assert capsys.readouterr().out.strip() == str(file) and [*tmp_path.iterdir()] == [file]
+    sb3_tqc.main(few)
+    assert capsys.readouterr().out == ""
+    model = sb3_tqc.train(suite("place-few-v1").training_side(1), 1, sb3_tqc.Settings(frames=2560))
+    seen = np.random.default_rng(0).normal(size=(64, *model.observation_space.shape)).astype(np.float32)
+    played = segar.policies.OnnxPolicy(file)(seen)
+    np.testing.assert_allclose(played, model.predict(seen, deterministic=True)[0], atol=1e-5)
+    assert played.std(axis=0).min() > 0  # it looks
 
 
 @pytest.mark.parametrize("script", [ppo, sb3_ppo])
