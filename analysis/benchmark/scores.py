@@ -69,7 +69,12 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
     effects = shift_effects(causes)
     lines = []
     for name, row in sorted(by_name(rows).items()):
-        drawn = drawn_figures(row)
+        drawn = {
+            (one.suite, one.seed): {
+                DRAWN: one.corrected, TIME: one.steps / one.planner_steps if one.planner_steps else np.nan
+            }
+            for one in row.drawn
+        }  # fmt: skip
         for piece in row.pieces:
             line: dict[str, Any] = {"row": name, "axis": outline(piece.suite)["axis"], "suite": piece.suite}
             line |= {"suite_hash": piece.suite_hash, "seed": piece.seed}
@@ -94,16 +99,6 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
         "practice_minus_drawn": table[PRACTICE] - table[DRAWN],
     }
     return table.assign(**apart)
-
-
-def drawn_figures(row: Row) -> dict[tuple[str, int], dict[str, float]]:
-    """Figures of a row's drawn levels, by suite and seed."""
-    return {
-        (one.suite, one.seed): {
-            DRAWN: one.corrected, TIME: one.steps / one.planner_steps if one.planner_steps else np.nan
-        }
-        for one in row.drawn
-    }  # fmt: skip
 
 
 def level_means(row: Row) -> dict[tuple[str, int, str], Floats]:

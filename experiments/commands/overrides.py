@@ -32,6 +32,8 @@ OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "obse
 SUITE, FRAMES = "suite", "scale.frames"
 # One value of a list with commas between them, which may be in quotation marks.
 VALUE = re.compile(r"""\s*'(?:[^'\\]|\\.)*'\s*|\s*"(?:[^"\\]|\\.)*"\s*|[^,]+""")
+# A text in quotation marks or braces, or one that stands between commas and brackets.
+BETWEEN_MARKS = re.compile(r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|\{.*\}|[^,()\[\]='"{]+""")
 # Further settings that may name an own object.
 OWN_SETTINGS = (
     "levels.test", "levels.design", "levels.variation", "levels.test_variation", "levels.world", "algorithm.encoder",
@@ -49,7 +51,13 @@ def with_own_names(overrides: Sequence[str]) -> list[str]:
         ConfigError: a file does not exist, or what is named as an algorithm or a curriculum is none.
     """
     require_one_name(overrides)
-    return [_with_own_name(text) for text in overrides]
+    return [BETWEEN_MARKS.sub(_with_quoted_letters, _with_own_name(text)) for text in overrides]
+
+
+def _with_quoted_letters(found: re.Match[str]) -> str:
+    """A text such as ``Größe`` in quotation marks, because Hydra's grammar has no place for its letters; others as they are."""
+    text = found[0].strip()
+    return found[0] if text.isascii() or text[0] in "'\"{" or "\\" in text else found[0].replace(text, quoted(text))
 
 
 def require_one_name(overrides: Sequence[str]) -> None:

@@ -20,6 +20,7 @@ from typing import Any
 
 from segar.errors import SegarError, did_you_mean
 from segar.experiments.settings import ConfigError
+from segar.support import escape_what_cannot_be_printed
 
 STUDIES = "segar.studies"  # (output folder, **options) -> None
 REPORTS = "segar.reports"  # (results folder) -> None; "tables" and "report"
@@ -62,6 +63,7 @@ def call_plugin(group: str, name: str, folder: Path, options: Mapping[str, Any])
 
 
 if __name__ == "__main__":
+    escape_what_cannot_be_printed()
     try:
         call_plugin(sys.argv[1], sys.argv[2], Path(sys.argv[3]), json.loads(sys.argv[4]))
     except SegarError as error:

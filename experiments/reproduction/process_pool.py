@@ -24,6 +24,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from segar.experiments.runs.files import make_folder
+from segar.support import escape_what_cannot_be_printed
 
 LAST_WORDS = 10.0  # [s] for a checkpoint, when the owner of the pool has ended
 
@@ -66,11 +67,8 @@ def run_jobs(
     for job in jobs:
         make_folder(job.log.parent)
         job.log.unlink(missing_ok=True)  # a log that exists says that its job has begun
-    remaining = list(jobs)
-    while remaining:
+    while remaining := [job for job in jobs if job.name not in {one.job.name for one in results}]:
         _run_pool(remaining, work, processes, end)
-        done = {result.job.name for result in results}
-        remaining = [job for job in remaining if job.name not in done]
     return results
 
 
@@ -114,6 +112,7 @@ def _begin_process(reader: Connection) -> None:
     # Two processes whose numpy has two threads each wait for one another. The variables are for libraries yet to be loaded.
     os.environ.update(OMP_NUM_THREADS="1", MKL_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
     threadpool_limits(1)
+    escape_what_cannot_be_printed()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the owner decides
 
     def end_with_owner() -> None:

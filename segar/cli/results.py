@@ -50,7 +50,7 @@ def fetch(chosen: argparse.Namespace) -> None:
 
 def record(chosen: argparse.Namespace) -> None:
     """``segar results record``."""
-    asked = {one.path for one in chosen_files(chosen.folder, chosen.paths)}
+    asked = {one.path for one in chosen_files(chosen.folder, chosen.paths) if (chosen.folder / one.path).exists()}
     files = read_manifest(chosen.folder)
     write_manifest(chosen.folder, [one.as_in(chosen.folder) if one.path in asked else one for one in files])
     arguments.print_answer(chosen, {"recorded": sorted(asked)}, f"{chosen.folder / MANIFEST} is written")

@@ -2,13 +2,12 @@
 
 import csv
 import os
-import shutil
 import sys
 from collections.abc import Iterable
 from dataclasses import astuple, dataclass, replace
 from http.client import HTTPException
 from pathlib import Path
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote
 from urllib.request import urlopen
 
 from segar.errors import SegarError
@@ -54,10 +53,8 @@ class Published:
         return True
 
     def as_in(self, folder: Path) -> "Published":
-        """The file with the size and the hash that it has in the folder; as it is where it is not there."""
+        """The file with the size and the hash that it has in the folder."""
         path = folder / self.path
-        if not path.exists():
-            return self
         return replace(self, bytes=path.stat().st_size, sha256=sha256_of(path, "file", SegarError))
 
 
@@ -68,7 +65,7 @@ def read_manifest(folder: Path) -> list[Published]:
         raise SegarError(f"there is no {path}: name a folder of results (--folder), or run this in a checkout")
     rows = data_in(path, "a manifest", SegarError, lambda text: from_csv(text, COLUMNS))
     for number, row in enumerate(rows, 2):
-        fits = row["path"].isprintable() and row["bytes"].isdecimal()
+        fits = "".join(row.values()).isprintable() and row["bytes"].isdecimal() and len(row["bytes"]) < 16
         if not fits or not (folder / row["path"]).resolve().is_relative_to(folder.resolve()):
             raise SegarError(f"{path}, line {number}: it must have {', '.join(COLUMNS)}, and a path in the folder")
     return [Published(**{**row, "bytes": int(row["bytes"])}) for row in rows]
@@ -88,19 +85,19 @@ def fetch_published(one: Published, folder: Path) -> None:
         SegarError: there is no address, nothing can be got from there, or what came is another file.
     """
     again, address = f"this makes the file again: {one.made_by}", os.environ.get(ADDRESS, "")
-    if urlsplit(address).scheme not in ("http", "https", "file"):
-        stated = f"'{address}' is none" if address else "it is not set"
+    if not address.startswith(("http://", "https://", "file://")):
         raise SegarError(
-            f"{ADDRESS} must be the address of the published files, http(s)://... or file:///folder; {stated}. For {one.path},"
-            f" {again}"
+            f"{ADDRESS} must be the address of the published files, http(s)://... or file:///folder, not {address!r}. For"
+            f" {one.path}, {again}"
         )
     url = f"{address.rstrip('/')}/{quote(one.path)}"
     with replacing(folder / one.path, "the published file", folder=True) as beside:
         try:
             with urlopen(url, timeout=PATIENCE) as came, beside.open("wb") as file:
-                shutil.copyfileobj(came, file)
-        except (OSError, HTTPException) as error:
+                while file.tell() <= one.bytes and (part := came.read(2**20)):  # a server may send without end
+                    file.write(part)
+        except (OSError, HTTPException, ValueError) as error:
             raise SegarError(f"{url} cannot be got ({error}). For {one.path}, {again}") from error
-        if sha256_of(beside, "published file", SegarError) != one.sha256:
-            raise SegarError(f"{url} is not the published file: its SHA-256 is not {one.sha256}; nothing is kept")
+        if beside.stat().st_size != one.bytes or sha256_of(beside, "published file", SegarError) != one.sha256:
+            raise SegarError(f"{url} is not the published file of {one.bytes:,} bytes and SHA-256 {one.sha256}")
     print(f"{one.path}: {one.bytes:,} bytes", file=sys.stderr, flush=True)

@@ -87,3 +87,31 @@ def test_rules_kernels_captions_and_studies_are_shown_written_and_read_in_the_lo
         [sys.executable, "-c", program], env=C_LOCALE, cwd=tmp_path, capture_output=True, encoding="utf-8", check=False
     )
     assert done.returncode == 0 and "gr\\xf6\\xdfe" in done.stdout, done.stderr
+
+
+OTHERS = """
+from pathlib import Path
+
+from segar.experiments.commands.plugin import STUDIES, run_plugin
+from segar.experiments.reproduction.process_pool import Job, run_jobs
+
+
+def study(folder, **options):
+    print("Gr\\xf6\\xdfe der Studie")
+
+
+if __name__ == "__main__":
+    assert run_plugin(STUDIES, "others:study", Path())
+    (outcome,) = run_jobs([Job("one", "Gr\\xf6\\xdfe", Path("log"))], print, 1)
+    assert outcome.error is None, outcome.error
+"""
+
+
+def test_plugins_and_the_processes_of_a_pool_print_in_the_locale_c(tmp_path):
+    (tmp_path / "others.py").write_text(OTHERS, encoding="utf-8")
+    there = {**C_LOCALE, "PYTHONCOERCECLOCALE": "0", "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+    done = subprocess.run(
+        [sys.executable, "others.py"], env=there, cwd=tmp_path, capture_output=True, encoding="utf-8", check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Gr\\xf6\\xdfe der Studie" in done.stdout and "Gr\\xf6\\xdfe" in (tmp_path / "log").read_text("utf-8")

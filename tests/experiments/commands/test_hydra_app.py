@@ -17,7 +17,15 @@ from segar.experiments.commands.hydra_app import (
     initialized,
     to_plain,
 )
-from segar.experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
+from segar.experiments.commands.overrides import (
+    VALUE,
+    parse,
+    quoted,
+    single_runs,
+    unquoted,
+    with_own_names,
+    with_search_path,
+)
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.reproduction.plan import Speeds, sweep_as_text
 from segar.experiments.runs.run_folder import read_config, run_folders
@@ -239,6 +247,22 @@ def test_a_quoted_text_is_itself_to_hydra_and_comes_back(text):
     (override,) = parse([f"levels.test={quoted(text)}"])
     assert str(override.value()) == text == unquoted(quoted(text))
     assert VALUE.findall(f"{quoted(text)},{quoted('b')}") == [quoted(text), quoted("b")]
+
+
+@pytest.mark.parametrize(
+    ("override", "read"),
+    [
+        ("root=/home/Jörg/my runs", "root='/home/Jörg/my runs'"),
+        ("levels.test=größe:böig,lab:calm", "levels.test='größe:böig',lab:calm"),
+        ("levels=labör.größe:böig", "levels.train='labör.größe:böig'"),
+        ("tracking.sweep=choice(größe,'ä, b',3)", "tracking.sweep=choice('größe','ä, b',3)"),
+        ("evaluation.distances=[ größe , exact]", "evaluation.distances=[ 'größe' , exact]"),
+        ("task.options={a: 'größe'}", "task.options={a: 'größe'}"),
+        ("levels.count=1,10", "levels.count=1,10"),
+    ],
+)
+def test_letters_of_all_languages_stand_in_overrides_without_quotation_marks(override, read):
+    assert with_own_names([override]) == [read] and parse([read])
 
 
 def test_settings_on_both_sides_of_an_option_are_told_to_stand_on_one(monkeypatch):

@@ -1,5 +1,6 @@
 """``segar results``: published files are fetched whole, checked, and from an address that the user names."""
 
+import contextlib
 import functools
 import http.server
 import json
@@ -95,7 +96,44 @@ def test_files_come_from_a_server_and_what_is_not_there_is_named_with_the_comman
     assert {name: (folder / name).read_bytes() for name in FILES} == FILES
 
 
-@pytest.mark.parametrize("address", [None, "", "/a/folder", "ftp://host"])
+class Endless(http.server.BaseHTTPRequestHandler):
+    """Sends zeros until its client hangs up; of other files, leads to an address that is none."""
+
+    sent = 0
+
+    def do_GET(self):
+        self.send_response(200 if self.path.startswith("/benchmark") else 302)
+        self.send_header("Location", "http://[none")
+        self.end_headers()
+        with contextlib.suppress(OSError):
+            while self.path.startswith("/benchmark") and Endless.sent < 2**30:
+                Endless.sent += self.wfile.write(bytes(2**20))
+
+
+def test_of_a_server_that_sends_without_end_or_leads_nowhere_no_more_is_read_than_the_file_has(
+    folder, monkeypatch, capsys
+):
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Endless) as made:
+        thread = threading.Thread(target=made.serve_forever)
+        thread.start()
+        monkeypatch.setenv(ADDRESS, f"http://127.0.0.1:{made.server_port}")
+        assert call("fetch", "benchmark", folder=folder) == 2 and Endless.sent < 2**27
+        assert "is not the published file of 7 bytes" in capsys.readouterr().err
+        assert call("fetch", "standard", folder=folder) == 2
+        assert "cannot be got (" in capsys.readouterr().err
+        made.shutdown()
+        thread.join()
+    assert files_in(folder) == {MANIFEST}
+
+
+def test_a_file_that_has_another_size_than_the_manifest_says_is_not_fetched(folder, capsys):
+    text = (folder / MANIFEST).read_text()
+    (folder / MANIFEST).write_text(text.replace("npz,7,", "npz,6,"))
+    assert call("fetch", "benchmark", folder=folder) == 2
+    assert "is not the published file of 6 bytes" in capsys.readouterr().err and files_in(folder) == {MANIFEST}
+
+
+@pytest.mark.parametrize("address", [None, "", "/a/folder", "ftp://host", "http:host", "http//["])
 def test_without_an_address_the_command_says_what_is_missing(folder, address, monkeypatch, capsys):
     monkeypatch.delenv(ADDRESS) if address is None else monkeypatch.setenv(ADDRESS, address)
     assert call("fetch", folder=folder) == 2
@@ -124,8 +162,17 @@ def test_the_list_says_what_is_here_and_what_makes_the_rest(folder, capsys):
 
 @pytest.mark.parametrize(
     "line",
-    ["../x,1,00,make x", "x,one,00,make x", "x,²,00,make x", "x,1,00", "/x,1,00,make x", "x\0,1,00,make x"],
-    ids=["outside", "size", "odd size", "short", "absolute", "null"],
+    [
+        "../x,1,00,make x",
+        "x,one,00,make x",
+        "x,²,00,make x",
+        "x,1,00",
+        "/x,1,00,make x",
+        "x\0,1,00,make x",
+        f"x,{'9' * 5000},00,make x",
+        "x,1,00,make \x1b[31mx",
+    ],
+    ids=["outside", "size", "odd size", "short", "absolute", "null", "long size", "colours"],
 )
 def test_a_manifest_that_is_none_is_refused_with_its_line(folder, line):
     (folder / MANIFEST).write_text(f"path,bytes,sha256,made_by\n{line}\n")

@@ -183,3 +183,23 @@ def test_a_small_table_that_stands_for_much_is_refused_before_it_is_read(tmp_pat
         pq.write_table(table, path, compression="zstd", store_schema=False)
         with pytest.raises(SegarError, match=f"bomb.parquet.*{says}"):
             read_table(path, "table", SegarError)
+
+
+def test_a_size_below_0_in_the_footer_of_a_table_makes_no_room_for_what_another_column_expands_to(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("SEGAR_FILE_LIMIT", "1")
+    path, numbers = tmp_path / "bomb.parquet", pa.array(np.zeros(200_000))
+    table = pa.table({"values": pa.ListArray.from_arrays([0, len(numbers)], numbers), "noise": [os.urandom(4_000_000)]})
+    pq.write_table(table, path, compression="none", use_dictionary=["values.list.element"], write_statistics=False)
+    content = bytearray(path.read_bytes())
+    stated, digits = 2 * pq.ParquetFile(path).metadata.row_group(0).column(1).total_uncompressed_size, bytearray()
+    while stated:
+        digits.append(stated & 127 | (128 if stated > 127 else 0))
+        stated >>= 7
+    footer = len(content) - 8 - int.from_bytes(content[-8:-4], "little")
+    content[content.index(digits, footer)] |= 1  # the last bit is the sign
+    path.write_bytes(content)
+    assert pq.ParquetFile(path).metadata.row_group(0).column(1).total_uncompressed_size < -4_000_000
+    with pytest.raises(SegarError, match=r"bomb.parquet.*would expand to 1,6"):
+        read_table(path, "table", SegarError, ["values"])
