@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from segar.errors import SuiteError, must_be
-from segar.observations import OBSERVATIONS, Observation, StateVector, make_observation, trained_on
+from segar.observations import OBSERVATIONS, Observation, StateVector, TexturedPixels, make_observation, trained_on
 from segar.suites.suite_file import SIDES, Suite, TrainingSide
 
 TEXTURED = {"rgb": "textures", "rgb_stack2": "textures_stack2", "rgb_stack4": "textures_stack4"}
@@ -49,9 +49,9 @@ def observation_on(suite: Suite | TrainingSide, side: str, observation: Any = "s
 
     Args:
         side: ``"train"`` or ``"test"``.
-        observation: a name, such as ``"state"`` or ``"rgb"``: states are without the factors that the suite hides, and frames
-            have the textures of the side. Or an observation, unless the suite is about textures. Or, of these suites, a
-            function that makes the observation from the name of a set of textures.
+        observation: a name, such as ``"state"`` or ``"rgb"``: states and patterns are without the factors that the suite
+            hides, and frames have the textures of the side. Or an observation, unless the suite is about textures. Or, of
+            these suites, a function that makes the observation from the name of a set of textures.
 
     Raises:
         SuiteError: the suite is about textures, and the observation shows none, or a set of its own; or it shows what the
@@ -70,12 +70,12 @@ def observation_on(suite: Suite | TrainingSide, side: str, observation: Any = "s
         return make_observation(made)
     given = make_observation(observation)
     for factor in suite.hidden:
-        if any(state.has_number_of(factor) for state in _states_in(given)):
+        if any(one.shows(factor) for one in _parts_in(given)):
             raise SuiteError(
                 f"observation: this {type(given).__name__} shows {factor.__name__}, which the suite {suite.name} hides; give"
-                " StateVector(hidden=suite.hidden), or a name such as 'state'"
+                " StateVector(hidden=suite.hidden), or TexturedPixels likewise, or a name such as 'state'"
             )
-    if _is_about_the_unseen(suite) and any(state.sees_invisible for state in _states_in(given)):
+    if _is_about_the_unseen(suite) and any(getattr(one, "sees_invisible", False) for one in _parts_in(given)):
         raise SuiteError(
             f"observation: this {type(given).__name__} shows what is invisible, which the suite {suite.name} is about; give"
             " StateVector(sees_invisible=False), or a name such as 'state'"
@@ -86,7 +86,7 @@ def observation_on(suite: Suite | TrainingSide, side: str, observation: Any = "s
 def named_observation(
     suite: Suite | TrainingSide, side: str, name: str, options: Mapping[str, Any] | None = None
 ) -> tuple[str, dict[str, Any]]:
-    """The name and options of an observation with what the suite says of it: factors that states hide, and the textures that
+    """The name and options of an observation with what the suite says of it: factors that it hides, and the textures that
     frames show; raises as :func:`observation_on`."""
     options = dict(options or {})
     if suite.textures:
@@ -94,12 +94,11 @@ def named_observation(
         if shown not in TEXTURED.values() or "textures" in options:
             raise _no_textures(suite, repr(name))
         return shown, {**options, "textures": suite.textures[SIDES.index(side)]}
-    if name.startswith("state"):
-        if suite.hidden:
-            hidden = (*options.get("hidden", ()), *(factor.__name__ for factor in suite.hidden))
-            options["hidden"] = list(dict.fromkeys(hidden))
-        if _is_about_the_unseen(suite):
-            options["sees_invisible"] = False
+    if suite.hidden and name.startswith(("state", "textures")):
+        hidden = (*options.get("hidden", ()), *(factor.__name__ for factor in suite.hidden))
+        options["hidden"] = list(dict.fromkeys(hidden))
+    if name.startswith("state") and _is_about_the_unseen(suite):
+        options["sees_invisible"] = False
     return name, options
 
 
@@ -128,9 +127,9 @@ def _no_textures(suite: Suite | TrainingSide, given: str) -> SuiteError:
     )
 
 
-def _states_in(observation: Any) -> Iterator[StateVector]:
-    """The states that an observation consists of."""
-    if isinstance(observation, StateVector):
+def _parts_in(observation: Any) -> Iterator[StateVector | TexturedPixels]:
+    """The states and the textured frames that an observation consists of: what can show factors that a suite hides."""
+    if isinstance(observation, StateVector | TexturedPixels):
         yield observation
     for member in getattr(observation, "members", ()):
-        yield from _states_in(member)
+        yield from _parts_in(member)

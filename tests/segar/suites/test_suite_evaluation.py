@@ -92,14 +92,14 @@ def test_frames_of_a_suite_about_looks_have_the_textures_of_the_side(name):
         assert observation_on(of, side, lambda one: TexturedPixels(one, resolution=32)) == TexturedPixels(textures, 32)
 
 
-def test_states_hide_what_the_suite_hides_and_those_that_show_it_are_refused():
+def test_every_observation_hides_what_the_suite_hides_and_those_that_show_it_are_refused():
     of = suite("sight-mass-v1")
     for name in SHIPPED:
-        if name.startswith("state"):
-            given = observation_on(of, "test", name)
-            parts = getattr(given, "members", (given,))
-            assert not any(part.has_number_of(Mass) for part in parts if isinstance(part, StateVector))
-    for given in (StateVector(), Stack(StateVector(), 2), {"state": "state", "look": "rgb"}):
+        given = observation_on(of, "test", name)
+        parts = getattr(given, "members", (getattr(given, "observation", given),))
+        assert not any(part.shows(Mass) for part in parts if isinstance(part, StateVector | TexturedPixels))
+    shown = (StateVector(), Stack(StateVector(), 2), {"state": "state", "look": "rgb"}, TexturedPixels())
+    for given in (*shown, Stack(TexturedPixels(), 2), {"look": "textures"}):
         with pytest.raises(SuiteError, match=r"shows Mass, which the suite sight-mass-v1 hides"):
             observation_on(of, "train", given)
     hides = StateVector(hidden=of.hidden)
