@@ -24,10 +24,9 @@ def causes_in(episodes: pd.DataFrame) -> pd.DataFrame:
     """
     lines = []
     for (name, seed), part in episodes.groupby(["suite", "seed"], sort=False, dropna=False):  # type: ignore[misc]
-        on_level = select(part, levels="test").set_index("level")["success"]
         for played in (one for one in dict.fromkeys(part["levels"]) if one.startswith((TWIN, CONTROL))):
-            on_twin = select(part, levels=played).set_index("level")["success"]
-            level, twin = (np.asarray(one, np.float64) for one in (on_level.loc[on_twin.index], on_twin))
+            both = select(part, levels=played).merge(select(part, levels="test"), on="level")
+            twin, level = both[["success_x", "success_y"]].to_numpy(np.float64).T
             differs = played.startswith(TWIN)
             group = played.removeprefix(TWIN if differs else CONTROL)
             lines.append({"suite": name, "seed": seed, **Cause.of_levels(group, differs, level, twin).row()})

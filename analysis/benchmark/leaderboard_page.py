@@ -121,19 +121,10 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
         lines.append(
             [named(rows[name]), place_text(found.get(name)), *shown, f"`{commitment_of_row(rows[name])[:16]}`"]
         )
-    head = [
-        "row",
-        "place",
-        "success above chance",
-        "over suites",
-        "time",
-        "practice minus drawn, over suites",
-        "score",
-        "seeds",
-    ]
+    head = ["row", "place", "success above chance", "over suites", "time", "practice minus drawn, over suites", "score"]
     # A bound of what the luckiest of these normal draws is above the mean: of success 0.5, on the levels of each suite.
     gain = (2 * math.log(TRIED)) ** 0.5 * (0.25 / (LEVELS * max(len(suites), 1))) ** 0.5
-    text = markdown([*head, "commitment"], lines) + GRINDING.format(tried=TRIED, gain=number(100 * gain, 1))
+    text = markdown([*head, "seeds", "commitment"], lines) + GRINDING.format(tried=TRIED, gain=number(100 * gain, 1))
     lacking = [
         f"`{name}` ({len({*row.suites()} & {*suites})} of {len(suites)} suites)"
         for name, row in rows.items()

@@ -10,11 +10,13 @@ import pandas as pd
 
 from segar.analysis.benchmark.causes import EFFECT, shift_effects
 from segar.analysis.stats.estimate import mean_of_replicates
-from segar.analysis.stats.ranking import FEWEST_SEEDS, places
+from segar.analysis.stats.ranking import ALPHA, FEWEST_SEEDS, places
 from segar.analysis.tables import Floats, keep
 from segar.evaluation import Baselines
 from segar.experiments.benchmarking.protocol import PLAYERS, REFERENCES, SIDES
 from segar.experiments.benchmarking.row import ROW, Row, read_row
+from segar.experiments.benchmarking.verification import suite_of
+from segar.experiments.settings import RunFolderError
 from segar.suites import AXES, outline
 
 IDLE, RANDOM, PLANNER = REFERENCES
@@ -69,14 +71,9 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
     effects = shift_effects(causes)
     lines = []
     for name, row in sorted(by_name(rows).items()):
-        drawn = {
-            (one.suite, one.seed): {
-                DRAWN: one.corrected, TIME: one.steps / one.planner_steps if one.planner_steps else np.nan
-            }
-            for one in row.drawn
-        }  # fmt: skip
+        drawn = {(one.suite, one.seed): one for one in row.drawn}
         for piece in row.pieces:
-            line: dict[str, Any] = {"row": name, "axis": outline(piece.suite)["axis"], "suite": piece.suite}
+            line: dict[str, Any] = {"row": name, "axis": suite_of(row, piece).axis, "suite": piece.suite}
             line |= {"suite_hash": piece.suite_hash, "seed": piece.seed}
             line[EFFECT] = effects.get((name, piece.suite, piece.seed), np.nan)
             for side in (side for side in SIDES if side in piece.levels):
@@ -92,19 +89,27 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
                     line["regret"] = float(returns.regret(own[0]))
                     chance = solved.random.mean()
                     line[PRACTICE] = (own[1] - chance) / (solved.oracle.mean() - chance)
-            lines.append(line | drawn.get((piece.suite, piece.seed), {}))
+            if one := drawn.get((piece.suite, piece.seed)):
+                line |= {DRAWN: one.corrected, TIME: one.steps / one.planner_steps if one.planner_steps else np.nan}
+            lines.append(line)
     table = pd.DataFrame(lines).reindex(columns=["row", "axis", "suite", "suite_hash", "seed", *FIGURES])
-    apart = {
-        "gap": table["test_return"] - table["train_return"],
-        "practice_minus_drawn": table[PRACTICE] - table[DRAWN],
-    }
-    return table.assign(**apart)
+    return table.assign(
+        gap=table["test_return"] - table["train_return"], practice_minus_drawn=table[PRACTICE] - table[DRAWN]
+    )
 
 
 def level_means(row: Row) -> dict[tuple[str, int, str], Floats]:
-    """The mean return and success on each level, float64 ``(2, levels)``, by suite, seed and side."""
+    """The mean return and success on each level, float64 ``(2, levels)``, by suite, seed and side.
+
+    Raises:
+        RunFolderError: a suite is another version here, or the row has not all of its test levels, or others.
+    """
     episodes = row.results().to_pandas()
     means = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]].mean()
+    for piece in row.pieces:
+        n = len(suite_of(row, piece).test_levels)
+        if list(means.loc[piece.suite, piece.seed, "test"].index) != [*range(n)]:
+            raise RunFolderError(f"{row.folder}: {piece.suite}, seed {piece.seed}: it must have its {n} test levels")
     return {key: part.to_numpy(np.float64).T for key, part in means.groupby(level=[0, 1, 2], dropna=False)}  # type: ignore[misc]
 
 
@@ -139,9 +144,7 @@ def leaderboard(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> pd.
         members = [name for name in names if quantity != EFFECT or name in set(known["suite"])]
         for row, part in complete(known, members).groupby("row", dropna=False):
             over_seeds, over_suites = (
-                mean_of_replicates(
-                    [float(one[quantity].to_numpy().mean()) for _, one in part.groupby(by, dropna=False)]
-                )
+                mean_of_replicates([one.to_numpy().mean() for _, one in part.groupby(by, dropna=False)[quantity]])
                 for by in ("seed", "suite")
             )
             line = {"quantity": quantity, "axis": axis, "row": row, "seeds": over_seeds.n}
@@ -177,9 +180,10 @@ def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 
 def beats_chance(table: pd.DataFrame, name: str) -> bool:
-    """Whether a learner solves more of a suite than random play does: Student's interval over its seeds is above 0."""
+    """Whether a learner solves more of a suite than random play does: by Student's test over its seeds, corrected for the
+    number of learners, since the luckiest of many is above chance by chance."""
     own = keep(table, (table["suite"] == name) & ~table["row"].isin(list(PLAYERS)))
     values = [
         part[DRAWN if len(part[DRAWN].dropna()) else PRACTICE].dropna() for _, part in own.groupby("row", dropna=False)
     ]
-    return any(mean_of_replicates(one.to_numpy()).low > 0 for one in values)
+    return any(p * len(values) < ALPHA / 2 for p in (mean_of_replicates(one.to_numpy(), 0.0).p for one in values))

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
+import signal
 import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
@@ -90,12 +92,13 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
         return self._acted[:n].copy()
 
     def close(self) -> None:
-        """Ends the process."""
+        """Ends the process, and those that it started."""
         self._connection.close()
         self._process.join(END)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        with suppress(OSError):  # where none is left
+            os.killpg(cast(int, self._process.pid), signal.SIGKILL)
+        self._process.kill()
+        self._process.join()
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -120,6 +123,10 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
             raise TrainingError(
                 f"policy: the process of {self.name} ended by itself, with exit code {self._process.exitcode}"
             ) from None
+        except (ValueError, TypeError, RecursionError) as error:
+            raise TrainingError(
+                f"policy: {self.name} wrote what is no answer to its process's pipe: {error}"
+            ) from error
         if problem:
             raise ConfigError(f"policy: {self.name}: {problem}")
         return answer
@@ -134,6 +141,7 @@ def _serve(
         connection.send_bytes(json.dumps([answer, problem]).encode())
 
     hide_tests()
+    os.setsid()  # a group of its own, which ends as a whole
     observed, acted = _arrays_of(spaces, memory)
     try:
         policy, code = _made(name, side)

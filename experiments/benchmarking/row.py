@@ -325,6 +325,8 @@ def _description(path: Path) -> dict[str, Any]:
         )
     if any(not 0 <= one["made_with"] < len(data["made_with"]) for one in data["pieces"]):
         raise RunFolderError(f"{path}: a piece was made with what made_with does not list")
+    if not 0 < len({(one["suite"], one["seed"]) for one in data["pieces"]}) == len(data["pieces"]):
+        raise RunFolderError(f"{path}: pieces: there must be some, and each suite with each seed once")
     if any(Path(name).name != name for name in (*data["files"], *(one["file"] for one in data["pieces"]))):
         raise RunFolderError(f"{path}: files lie beside it, in no other folder")
     return data

@@ -273,8 +273,7 @@ def assumed_speed(run: RunConfig) -> float:
     settings = run.algorithm
     steps, states = getattr(settings, "steps_per_update", 0), run.observation.name.startswith("state")
     speeds = [
-        (40.0 * steps, steps and states),  # so many gradient steps
-        (10.0 * steps, steps),
+        ((40.0 if states else 10.0) * steps, steps),  # so many gradient steps
         (6000.0, states and not hasattr(settings, "core")),
         (250.0, str(getattr(settings, "encoder", "")).startswith("impala")),
         (700.0, hasattr(settings, "core")),

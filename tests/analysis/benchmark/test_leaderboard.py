@@ -17,6 +17,7 @@ from segar.analysis.benchmark.scores import (
     DRAWN,
     OVERALL,
     PRACTICE,
+    beats_chance,
     figures_of,
     leaderboard,
     learners_on,
@@ -38,7 +39,7 @@ from segar.experiments.benchmarking.row import (
     hash_of,
     write_drawn,
 )
-from segar.experiments.settings import TrackingConfig
+from segar.experiments.settings import RunFolderError, TrackingConfig
 from segar.experiments.tracking.mlflow_store import store_uri
 from segar.suites import CORE, outline, suite, suites
 
@@ -155,6 +156,7 @@ def test_a_planted_cause_is_found_on_its_twins_and_on_no_control():
     lines = [("test", level, level % 2 == 0) for level in range(12)]
     lines += [("twin-Mass", level, level % 2 == 0 or level % 3 == 0) for level in range(12)]
     lines += [("control-place", level, level % 2 == 0) for level in (1, 2, 5, 8)]
+    lines += [("control-place", 99, True)]  # of a level that is not in the test
     episodes = pd.DataFrame(lines, columns=["levels", "level", "success"]).assign(suite="a-v1", seed=1)
     found = causes_in(episodes).set_index("group")
     assert list(found["differs"]) == [True, False] and list(found["twins"]) == [12, 4]
@@ -178,16 +180,49 @@ def test_every_row_but_the_references_has_the_effect_of_the_shift_where_training
     assert controls.abs().median() < 0.05
 
 
+def planted_piece(of, seed, levels, hashed):
+    """Every second one of these test levels is solved."""
+    n, every = len(levels), [*levels]
+    columns = {"suite": [of.name] * n, "seed": [seed] * n, "levels": ["test"] * n, "level": every}
+    played = {"return": [0.5] * n, "length": [3] * n, "success": [k % 2 == 0 for k in every], "death": [False] * n}
+    piece = Piece(of.name, hashed, seed, {"test": of.hashes["levels"]})
+    return NewPiece(piece, pa.table(columns | played, EPISODES), None)
+
+
+@pytest.mark.parametrize(
+    ("levels", "hashed", "said"),
+    [
+        (range(1, 200), None, "must have its 200 test levels"),
+        (range(0, 200, 2), None, "must have its 200 test levels"),
+        (range(201), None, "must have its 200 test levels"),
+        (range(200), "0" * 16, "played on .* with the hash 0{16}, and the suite of this name has"),
+    ],
+)
+def test_a_row_with_other_test_levels_or_of_another_version_of_a_suite_is_in_no_table(tmp_path, levels, hashed, said):
+    of = suite(CORE[0])
+    row = add_pieces(
+        tmp_path / "mine", Method("mine", "networks", "planted"), [planted_piece(of, 1, levels, hashed or of.hash)]
+    )
+    with pytest.raises(RunFolderError, match=said):
+        figures_of([row], causes_of_rows([row]))
+
+
+def test_of_many_learners_at_chance_none_beats_it():
+    """Twenty of them on a hundred suites, five seeds each; and on one more suite, a learner that learns."""
+    rng = np.random.default_rng(0)
+    lines = [(f"s{k}", row, rng.normal(0.0, 0.02)) for k in range(100) for row in range(20) for _ in range(5)]
+    lines += [("learned", row, rng.normal(0.3 * (row == 3), 0.02)) for row in range(20) for _ in range(5)]
+    table = pd.DataFrame(lines, columns=["suite", "row", DRAWN]).assign(**{PRACTICE: np.nan})
+    assert np.mean([beats_chance(table, f"s{k}") for k in range(100)]) < 0.08 and beats_chance(table, "learned")
+
+
 def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tmp_path):
     """Planted: five seeds of two rows, one of which solves more; and a third one whose levels were not drawn."""
     rows = tmp_path / "rows"
     for k, name in enumerate(("ahead", "behind", "recorded")):
         new, drawn = [], []
         for of, seed in ((suite(name), seed) for name in CORE[:3] for seed in range(1, 6)):
-            levels = {"test": of.hashes["levels"]}
-            columns = {"suite": [of.name] * 2, "seed": [seed] * 2, "levels": ["test"] * 2, "level": [0, 1]}
-            played = {"return": [0.5, 0.6], "length": [3, 4], "success": [True, False], "death": [False, False]}
-            new.append(NewPiece(Piece(of.name, of.hash, seed, levels), pa.table(columns | played, EPISODES), None))
+            new.append(planted_piece(of, seed, range(200), of.hash))
             solved = 900 - 100 * k + 7 * (k + 1) * seed  # more than those of shipped rows
             drawn.append(Drawn(of.name, seed, "", "0" * 16, 1000, solved, 500, 1000, 3000, 2000, "0"))
         row = add_pieces(

@@ -2,7 +2,9 @@
 
 import gc
 import os
+import subprocess
 import time
+from multiprocessing.connection import Connection
 
 import numpy as np
 
@@ -38,6 +40,18 @@ def of_another_shape(side, seed):
 def dies(side, seed):
     """Ends its process."""
     return lambda observations: os._exit(7)
+
+
+def forges(side, seed):
+    """Answers in place of the process that it is in."""
+    connection = next(one for one in gc.get_objects() if isinstance(one, Connection))
+    return lambda observations: connection.send_bytes(b"[1]")
+
+
+def leaves_a_child(side, seed):
+    """Starts a process that does not end by itself."""
+    subprocess.Popen(["sh", "-c", f"exec sleep 1000 > {os.environ['LAB_FIFO']}"])
+    return policy(side, seed)
 
 
 def hangs(side, seed):

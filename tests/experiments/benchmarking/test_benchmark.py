@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import os
+import select
 import shutil
 from pathlib import Path
 
@@ -140,6 +142,16 @@ def test_returns_that_are_no_numbers_are_refused_by_file_and_column(idle, value)
             read()
 
 
+def test_a_row_has_pieces_each_of_them_once_and_texts_that_can_be_written(idle):
+    (piece,) = json.loads((idle.folder / ROW).read_text())["pieces"]
+    for pieces in ([], [piece, piece]):
+        with pytest.raises(RunFolderError, match="pieces: there must be some, and each suite with each seed once"):
+            edited(idle, pieces=pieces)
+    for changes in ({"says": "\ud800"}, {"pieces": [{**piece, "suite_hash": "\udfff"}]}):
+        with pytest.raises(RunFolderError, match=rf"{ROW} is not a {ROW}, or only part of one: .*surrogates"):
+            edited(idle, **changes)
+
+
 def test_texts_that_no_page_should_show_are_refused_by_their_names(idle):
     for name in ("../x", "..", "<b>", "a|b", ""):
         with pytest.raises(RunFolderError, match=r"row\.json: name: "):
@@ -256,6 +268,7 @@ def test_wrong_actions_are_refused(tmp_path, actions, said):
         ),
         ("of_another_shape", ConfigError, r"actions must have shape \(25, 2\), not \(25, 3\)"),
         ("dies", TrainingError, "ended by itself, with exit code 7"),
+        ("forges", TrainingError, "wrote what is no answer"),
         (
             "hangs",
             TrainingError,
@@ -270,6 +283,16 @@ def test_what_is_no_policy_is_refused_by_its_name_and_leaves_nothing(tmp_path, n
     with pytest.raises(error, match=f"policy: .*{LAB}:{name}.*{said}"):
         row_made_here(config)
     assert not (config.folder / "mine").exists()
+
+
+def test_processes_that_a_policy_starts_end_with_it(tmp_path, monkeypatch):
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    monkeypatch.setenv("LAB_FIFO", str(fifo))
+    end = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)
+    row_made_here(config_of(tmp_path, policy=f"{LAB}:leaves_a_child", row="mine"))
+    assert select.select([end], [], [], 60.0)[0] == [end] and os.read(end, 1) == b"", "it still holds the other end"
+    os.close(end)
 
 
 def drawn_here(row):
