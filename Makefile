@@ -135,15 +135,15 @@ renderings: $(STAMP)
 dashboard: $(STAMP)
 	$(PY) -m segar dashboard $(ARGS)
 
-# The pages of environments are drawn and measured from the library, which takes most of the time.
+# The pages of environments are drawn from the library; what docs/site/measure.py found stands on them.
 ENVIRONMENT_PAGES := build/site-source/environments/index.md
-$(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py docs/site/playgrounds.py \
+$(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py docs/site/playgrounds.py docs/results/hardness.csv \
 		$(filter-out segar/experiments/% segar/analysis/%,$(wildcard segar/*.py segar/*/*.py segar/*/*/*.py segar/*/*/*/*.py))
-	$(PY) docs/site/environments.py
+	SEGAR_PATIENCE=1000 $(PY) docs/site/environments.py
 
 # So are the cards of suites.
 SUITE_PAGES := build/site-source/suites/index.md
-$(SUITE_PAGES): $(ENVIRONMENT_PAGES) docs/site/suites.py $(wildcard segar/suites/data/*.toml docs/results/benchmark/scores.csv)
+$(SUITE_PAGES): $(ENVIRONMENT_PAGES) docs/site/suites.py $(wildcard segar/suites/data/*.toml docs/results/cards.json docs/results/benchmark/scores.csv)
 	$(PY) docs/site/suites.py
 
 # The playgrounds in the tutorial are made by its own commands, again only if these or the sources changed.

@@ -1,7 +1,7 @@
 """The site's pages of the named level distributions: pictures, entities, distributions of factors, sizes, hardness.
 
 ``python docs/site/environments.py`` writes them to ``build/site-source/environments``, and the playgrounds that they frame
-to ``build/site-playgrounds/environments``.
+to ``build/site-playgrounds/environments``. It plays some episodes, for which it compiles nothing with ``SEGAR_PATIENCE=1000``.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import measure
 import numpy as np
+import pandas as pd
 from PIL import Image
 from playgrounds import BUILD, PLAYGROUNDS, frame
 
 import segar
 from segar.cli import main as run_segar
 from segar.evaluation import Scripted, play_episodes
-from segar.hardness import hardness
 from segar.language import Factor, Parameter, all_subclasses
 from segar.levels import TASK_LEVELS, Levels
 from segar.playground import aim_of, make_playground, together
@@ -38,7 +39,6 @@ PICTURES, ACROSS = 8, 4  # levels that a page shows, and how many side by side
 SIDE, GAP = 256, 8  # [px] of a picture, and between pictures
 MOVING, QUALITY, MOST_FRAMES = 256, 60, 40  # [px] of a moving level, percent, and pictures
 STEP_TIME, LAST_TIME = 100, 1500  # [ms] of its pictures, and of the last one
-MEASURED, PLAYS = 20, 50  # levels whose hardness is measured, and random episodes on each
 PLAYED = 100  # levels of a playground
 PLAYERS = {"random": "random actions", "scripted": "the scripted player", "oracle": "the planner"}
 UNITS = {kind.__name__: kind.unit for base in (Factor, Parameter) for kind in all_subclasses(base)}
@@ -156,9 +156,9 @@ def environment_page(name: str) -> str:
             ("factor", "of", "distribution", "mean", "sd", "range", "unit"), [row[1:] for row in rows if row[0]]
         ),
         constant=table(("factor", "of", "value", "unit"), [(r[1], r[2], r[4] or r[3], r[7]) for r in rows if not r[0]]),
-        hardness=hardness_table(distribution.sample(MEASURED, seed=0, split="test")),
-        measured=MEASURED,
-        plays=PLAYS,
+        hardness=hardness_table(name),
+        measured=measure.LEVELS,
+        plays=measure.PLAYS,
     )
 
 
@@ -290,16 +290,16 @@ def shown(value: Any) -> str:
     return f"{value:.4g}".replace("inf", "∞")
 
 
-def hardness_table(levels: Levels) -> str:
-    found = hardness(levels, task_of(levels), rng=np.random.default_rng(0), plays=PLAYS).summary()
-    rows = []
-    for player, title in PLAYERS.items():
-        if f"{player}_success" in found:
-            low, high = found[f"{player}_success_95"]
-            steps = found.get(f"{player}_steps")
-            rows.append(
-                (title, f"{found[f'{player}_success']:.2f} ({low:.2f} to {high:.2f})", f"{steps:.1f}" if steps else "")
-            )
+def hardness_table(name: str) -> str:
+    measured = pd.read_csv(measure.HARDNESS).set_index("environment").loc[name]
+    rows = [
+        (
+            PLAYERS[one.player],
+            f"{one.success:.2f} ({one.low:.2f} to {one.high:.2f})",
+            "" if pd.isna(one.steps) else f"{one.steps:.1f}",
+        )
+        for one in measured.itertuples()
+    ]
     return table(("player", "success", "steps"), rows)
 
 
