@@ -20,13 +20,10 @@ def from_json(text: bytes, **hooks: Any) -> Any:
     """The data in a JSON text; ``hooks`` are those of :func:`json.loads`.
 
     Raises:
-        ValueError: it is no JSON text, nested too deeply, or a name in it is no text: half of a character of UTF-16.
+        ValueError: it is no JSON text, or nested too deeply.
     """
     try:
-        found = json.loads(text, **hooks)
-        if b"\\u" in text or not text.isascii():
-            json.dumps(found, ensure_ascii=False).encode()
-        return found
+        return json.loads(text, **hooks)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
 
