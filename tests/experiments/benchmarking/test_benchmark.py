@@ -88,6 +88,12 @@ def row_made_here(config, of=SUITE):
     )
 
 
+@pytest.fixture(autouse=True)
+def own_record(tmp_path, monkeypatch):
+    """What is verified is noted for this test alone, and not for the user, whose next tests would find it."""
+    monkeypatch.setattr("segar.experiments.benchmarking.verification.private_cache_folder", lambda: tmp_path)
+
+
 @pytest.fixture
 def idle(tmp_path):
     """The row of a player that does nothing, and its folder, which is a test's own."""
@@ -112,10 +118,9 @@ def test_the_core_has_twelve_suites_and_all_axes():
 
 @pytest.mark.compiled  # hundreds of levels are played, and later tests find the kernel
 @pytest.mark.parametrize("player", ["idle", "script"])
-def test_a_player_becomes_a_row_that_plays_again_to_the_bit(tmp_path, monkeypatch, player):
+def test_a_player_becomes_a_row_that_plays_again_to_the_bit(tmp_path, player):
     row = row_made_here(config_of(tmp_path, player=player))
     of = suite(SUITE)
-    monkeypatch.setattr("segar.experiments.benchmarking.verification.private_cache_folder", lambda: tmp_path)
     assert verify(row, [SUITE]) and not is_verified(row), "a part of it is not all of it"
     assert verify(row) == len(of.test_levels) + of.training_levels == len(row.episodes())
     assert is_verified(row) and not is_verified(dataclasses.replace(row, means="0"))
