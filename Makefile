@@ -137,7 +137,7 @@ dashboard: $(STAMP)
 
 # The pages of environments are drawn from the library; what docs/site/measure.py found stands on them.
 ENVIRONMENT_PAGES := build/site-source/environments/index.md
-$(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py docs/site/playgrounds.py docs/results/hardness.csv \
+$(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py docs/site/playgrounds.py docs/site/measure.py docs/results/hardness.csv \
 		$(filter-out segar/experiments/% segar/analysis/%,$(wildcard segar/*.py segar/*/*.py segar/*/*/*.py segar/*/*/*/*.py))
 	SEGAR_PATIENCE=1000 $(PY) docs/site/environments.py
 

@@ -73,7 +73,7 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
     for name, row in sorted(by_name(rows).items()):
         drawn = {(one.suite, one.seed): one for one in row.drawn}
         for piece in row.pieces:
-            line: dict[str, Any] = {"row": name, "axis": suite_of(row, piece).axis, "suite": piece.suite}
+            line: dict[str, Any] = {"row": name, "axis": outline(piece.suite)["axis"], "suite": piece.suite}
             line |= {"suite_hash": piece.suite_hash, "seed": piece.seed}
             line[EFFECT] = effects.get((name, piece.suite, piece.seed), np.nan)
             for side in (side for side in SIDES if side in piece.levels):
@@ -186,4 +186,4 @@ def beats_chance(table: pd.DataFrame, name: str) -> bool:
     values = [
         part[DRAWN if len(part[DRAWN].dropna()) else PRACTICE].dropna() for _, part in own.groupby("row", dropna=False)
     ]
-    return any(p * len(values) < ALPHA / 2 for p in (mean_of_replicates(one.to_numpy(), 0.0).p for one in values))
+    return any(mean_of_replicates(one.to_numpy(), 0.0).p * len(values) < ALPHA / 2 for one in values)

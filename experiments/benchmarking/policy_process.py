@@ -124,9 +124,7 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
                 f"policy: the process of {self.name} ended by itself, with exit code {self._process.exitcode}"
             ) from None
         except (ValueError, TypeError, RecursionError) as error:
-            raise TrainingError(
-                f"policy: {self.name} wrote what is no answer to its process's pipe: {error}"
-            ) from error
+            raise TrainingError(f"policy: {self.name} wrote what is no answer into its pipe: {error}") from error
         if problem:
             raise ConfigError(f"policy: {self.name}: {problem}")
         return answer

@@ -313,10 +313,8 @@ def _checked(path: Path, schema: pa.Schema, pieces: Sequence[Piece]) -> pa.Table
 
 def _description(path: Path) -> dict[str, Any]:
     data = read_json(path, FORM, only=True)
-    if any("\ud800" <= letter <= "\udfff" for letter in json.dumps(data, ensure_ascii=False)):
-        raise RunFolderError(
-            f"{path}: a text in it has half of a character of UTF-16, a surrogate, which cannot be written"
-        )
+    if re.search("[\ud800-\udfff]", json.dumps(data, ensure_ascii=False)):
+        raise RunFolderError(f"{path}: a text in it has half of a character of UTF-16, which cannot be written")
     if data["format"] != FORMAT or data["kind"] not in KINDS:
         raise RunFolderError(f"{path}: format {data['format']}, kind '{data['kind']}' is not what this version reads")
     if not NAME.fullmatch(data["name"]):

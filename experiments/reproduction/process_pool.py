@@ -58,18 +58,18 @@ def run_jobs(
 
     ``work`` must be importable by name. An error of one job does not stop the others; Ctrl-C stops all.
     """
-    results: list[JobResult] = []
+    results: dict[str, JobResult] = {}  # by the names of their jobs
 
     def end(result: JobResult) -> None:
-        results.append(result)
+        results[result.job.name] = result
         ended(result)
 
     for job in jobs:
         make_folder(job.log.parent)
         job.log.unlink(missing_ok=True)  # a log that exists says that its job has begun
-    while remaining := [job for job in jobs if job.name not in {one.job.name for one in results}]:
+    while remaining := [job for job in jobs if job.name not in results]:
         _run_pool(remaining, work, processes, end)
-    return results
+    return [*results.values()]
 
 
 def _run_pool(jobs: list[Job], work: Callable[[Any], Any], processes: int, end: Callable[[JobResult], None]) -> None:

@@ -86,9 +86,10 @@ def fetch_published(one: Published, folder: Path) -> None:
     """
     again, address = f"this makes the file again: {one.made_by}", os.environ.get(ADDRESS, "")
     if not address.startswith(("http://", "https://", "file://")):
+        stated = f"{address!r} is none" if address else "it is not set"
         raise SegarError(
-            f"{ADDRESS} must be the address of the published files, http(s)://... or file:///folder, not {address!r}. For"
-            f" {one.path}, {again}"
+            f"{ADDRESS} must be the address of the published files, http(s)://... or file:///folder; {stated}. For {one.path},"
+            f" {again}"
         )
     url = f"{address.rstrip('/')}/{quote(one.path)}"
     with replacing(folder / one.path, "the published file", folder=True) as beside:
@@ -99,5 +100,7 @@ def fetch_published(one: Published, folder: Path) -> None:
         except (OSError, HTTPException, ValueError) as error:
             raise SegarError(f"{url} cannot be got ({error}). For {one.path}, {again}") from error
         if beside.stat().st_size != one.bytes or sha256_of(beside, "published file", SegarError) != one.sha256:
-            raise SegarError(f"{url} is not the published file of {one.bytes:,} bytes and SHA-256 {one.sha256}")
+            raise SegarError(
+                f"{url} is not the published file of {one.bytes:,} bytes and SHA-256 {one.sha256}; nothing is kept"
+            )
     print(f"{one.path}: {one.bytes:,} bytes", file=sys.stderr, flush=True)
