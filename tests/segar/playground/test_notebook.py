@@ -96,7 +96,8 @@ def test_a_notebook_runs_and_a_browser_shows_its_cards_pages_and_videos(path: Pa
     NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     shown = [output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})]
-    assert len(shown) >= 2 and max(map(len, shown)) < 300_000
+    ours = [html for html in shown if "<video" not in html]  # a video is as long as an episode of that agent
+    assert len(ours) >= 2 and max(map(len, ours)) < 300_000
     page = tmp_path / "shown.html"
     page.write_text("<!doctype html><meta charset='utf-8'>" + "".join(shown))
     chromium.visit(page.as_uri())
