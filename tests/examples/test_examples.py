@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import segar
-from examples import evolution, imitation, nearest, ppo, sb3_ppo, sb3_tqc
+from examples import evolution, imitation, nearest, ppo, sb3_off_policy, sb3_ppo
 from segar.suites import side_options, suite
 from tests.places import ROOT
 
@@ -59,18 +59,30 @@ def test_imitation_begins_anew_in_states_that_its_agent_reached():
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning:torch", "ignore:.*LeafSpec:FutureWarning")  # of torch's exporter
-def test_a_quantile_learner_is_written_as_it_acts_and_not_twice(tmp_path, capsys):
-    few = ["--suites", "place-few-v1", "--frames", "2560", "--out", str(tmp_path)]
-    sb3_tqc.main(few)
+@pytest.mark.parametrize("learner", ["tqc", "mbpo"])
+def test_a_learner_off_the_policy_is_written_as_it_acts_and_not_twice(learner, tmp_path, capsys):
+    few = [learner, "--suites", "place-few-v1", "--frames", "5120", "--out", str(tmp_path)]
+    sb3_off_policy.main(few)
     file = tmp_path / "place-few-v1-s1.onnx"
     assert capsys.readouterr().out.strip() == str(file) and [*tmp_path.iterdir()] == [file]
-    sb3_tqc.main(few)
+    sb3_off_policy.main(few)
     assert capsys.readouterr().out == ""
-    model = sb3_tqc.train(suite("place-few-v1").training_side(1), 1, sb3_tqc.Settings(frames=2560))
+    settings = sb3_off_policy.Settings(frames=5120)
+    model = sb3_off_policy.train(learner, suite("place-few-v1").training_side(1), 1, settings)
     seen = np.random.default_rng(0).normal(size=(64, *model.observation_space.shape)).astype(np.float32)
     played = segar.policies.OnnxPolicy(file)(seen)
     np.testing.assert_allclose(played, model.predict(seen, deterministic=True)[0], atol=1e-5)
     assert played.std(axis=0).min() > 0  # it looks
+
+
+def test_a_model_learns_where_the_ball_goes_and_what_that_earns():
+    settings = sb3_off_policy.Settings(frames=8192, fit_steps=400)
+    seen = sb3_off_policy.train("mbpo", suite("place-few-v1").training_side(1), 1, settings).replay_buffer
+    steps = seen.real(2000)
+    then, rewards, ends = seen.model.step(steps.observations, steps.actions)
+    wrong = (then - steps.next_observations)[:, :2].square().sum()
+    assert wrong < 0.5 * (steps.observations - steps.next_observations)[:, :2].square().sum()
+    assert (rewards - steps.rewards).var() < 0.5 * steps.rewards.var() and 0 <= ends.min() <= ends.max() <= 1
 
 
 @pytest.mark.parametrize("script", [ppo, sb3_ppo])
