@@ -105,10 +105,11 @@ def level_means(row: Row) -> dict[tuple[str, int, str], Floats]:
         RunFolderError: a suite is another version here, or the row has not all of its test levels, or others.
     """
     episodes = row.results().to_pandas()
-    means = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]].mean()
+    played = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]]
+    means, counts = played.mean(), played.size()
     for piece in row.pieces:
-        n = len(suite_of(row, piece).test_levels)
-        if list(means.loc[piece.suite, piece.seed, "test"].index) != [*range(n)]:
+        n, of = len(suite_of(row, piece).test_levels), counts.loc[piece.suite, piece.seed, "test"]
+        if list(of.index) != [*range(n)] or of.nunique() > 1:
             raise RunFolderError(f"{row.folder}: {piece.suite}, seed {piece.seed}: it must have its {n} test levels")
     return {key: part.to_numpy(np.float64).T for key, part in means.groupby(level=[0, 1, 2], dropna=False)}  # type: ignore[misc]
 

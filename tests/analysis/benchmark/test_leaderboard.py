@@ -195,6 +195,7 @@ def planted_piece(of, seed, levels, hashed):
         (range(1, 200), None, "must have its 200 test levels"),
         (range(0, 200, 2), None, "must have its 200 test levels"),
         (range(201), None, "must have its 200 test levels"),
+        ([*range(200), 7], None, "must have its 200 test levels"),
         (range(200), "0" * 16, "played on .* with the hash 0{16}, and the suite of this name has"),
     ],
 )
