@@ -80,10 +80,8 @@ def evaluate_on_suite(
     given = {"training_levels": training_levels, "observation": observation, "episodes": episodes}
     given |= {"environment_seed": environment_seed, "scores": scores, **options}
     found = {side: evaluate_on_side(policy, suite, side, seed, **given) for side in SIDES}
-    apart = {}
-    if distances:
-        train = suite.sample(seed, training_levels)
-        apart = {mode: float(w2(train, suite.test_levels, mode=mode)) for mode in distances}
+    sides = (suite.sample(seed, training_levels), suite.test_levels) if distances else ()
+    apart = {mode: float(w2(*sides, mode=mode)) for mode in distances}
     return Evaluation(**found, w2=apart)
 
 

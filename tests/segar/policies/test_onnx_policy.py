@@ -87,3 +87,12 @@ def test_a_small_model_does_not_take_all_memory(tmp_path):
     onnx.save(model, tmp_path / "large.onnx")
     with pytest.raises(SegarError, match=r"large.onnx: it cannot be played with 3 environments"):
         OnnxPolicy(tmp_path / "large.onnx")(np.zeros((3, 9), np.float32))
+
+
+def test_a_model_that_may_never_end_is_refused(tmp_path):
+    linear(tmp_path / "endless.onnx", (3,))
+    model = onnx.load(tmp_path / "endless.onnx")
+    model.graph.node.append(onnx.helper.make_node("Loop", ["", "goes", "observation"], ["late"]))
+    onnx.save(model, tmp_path / "endless.onnx")
+    with pytest.raises(SegarError, match=r"endless\.onnx: it has a Loop"):
+        OnnxPolicy(tmp_path / "endless.onnx")
