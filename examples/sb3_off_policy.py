@@ -41,7 +41,9 @@ class Settings:
     learning_rate: float = 1e-3
     gamma: float = 0.9
     tau: float = 0.02
-    temperature: float = 0.1  # of the entropy
+    temperature: float = 0.1  # of the entropy, at first; it is learned
+    target_entropy: float = -2.0
+    capacity: int = 100_000  # frames that are kept
     warmup: int = 2048  # frames of random actions
     # tqc
     quantiles: int = 10  # of each of two critics; with the library's 25 a step takes half as long again
@@ -173,9 +175,10 @@ def train(learner: str, side: TrainingSide, seed: int, settings: Settings = Sett
     quantile, networks = learner == "tqc", {"net_arch": [settings.width, settings.width]}
     own = {"top_quantiles_to_drop_per_net": settings.left_out} if quantile else {"replay_buffer_class": Imagination}
     model = (TQC if quantile else SAC)(
-        "MlpPolicy", RootedRewards(env), learning_rate=settings.learning_rate, buffer_size=settings.frames,
+        "MlpPolicy", RootedRewards(env), learning_rate=settings.learning_rate, buffer_size=settings.capacity,
         learning_starts=settings.warmup, batch_size=settings.batch, tau=settings.tau, gamma=settings.gamma,
-        train_freq=1, gradient_steps=settings.gradient_steps, ent_coef=settings.temperature, seed=seed, device="cpu",
+        train_freq=1, gradient_steps=settings.gradient_steps, seed=seed, device="cpu",
+        ent_coef=f"auto_{settings.temperature}", target_entropy=settings.target_entropy,
         policy_kwargs=networks | ({"n_quantiles": settings.quantiles} if quantile else {}), **own,
     )  # fmt: skip
     if not quantile:
