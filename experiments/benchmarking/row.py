@@ -229,7 +229,7 @@ def read_row(folder: Path) -> Row:
     listed = {**data["files"], **({} if means is None else {MEANS: means})}
     there = {one.name for one in folder.iterdir() if one.is_file() and one.name != ROW}
     for name in sorted(there - {*listed}):
-        raise RunFolderError(f"{folder}: the file {name} is not part of the row")
+        raise RunFolderError(f"{folder}: the file {name} is not part of the row; move it elsewhere")
     if not there & {TABLE, MEANS}:
         raise RunFolderError(f"{folder}: the file {TABLE} is not here; {FETCH}")
     for name, known in ((name, listed[name]) for name in sorted(there)):
