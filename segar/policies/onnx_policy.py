@@ -21,7 +21,8 @@ class OnnxPolicy:
     The first input is an observation, float32 or uint8 ``(n, ...)``, and the first output the action, float32 ``(n,
     components)`` in the range of the task. A second input and a second output, float32 ``(n, numbers)``, are a memory, which is
     zero where episodes begin. The number ``n`` of environments is free. Nothing is read but the file, and nothing in it is
-    Python code; what it computes may take 2 GiB, and has no Loop. The last bits of what onnxruntime computes may differ between processors.
+    Python code; what it computes may take 2 GiB, and has no Loop. The last bits of what onnxruntime computes may differ
+    between processors.
 
     Args:
         path: of the file.

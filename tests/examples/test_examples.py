@@ -76,7 +76,7 @@ def test_a_learner_off_the_policy_is_written_as_it_acts_and_not_twice(learner, t
 
 
 def test_a_model_learns_where_the_ball_goes_and_what_that_earns():
-    settings = sb3_off_policy.Settings(frames=8192, fit_steps=400)
+    settings = sb3_off_policy.Settings(frames=4160, fit_steps=400)
     seen = sb3_off_policy.train("mbpo", suite("place-few-v1").training_side(1), 1, settings).replay_buffer
     steps = seen.real(2000)
     then, rewards, ends = seen.model.step(steps.observations, steps.actions)
