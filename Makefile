@@ -47,7 +47,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-training test-docs check-results test-processors test-oldest test-newest test-slow test-browser test-aarch64 mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site dist verify-rows clean
+.PHONY: help setup test test-training test-docs check-results test-processors test-oldest test-newest test-slow test-browser test-aarch64 mutants lint bench reproduce-paper report sweep renderings dashboard site site-playgrounds site-sources serve-site dist verify-rows clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -147,8 +147,13 @@ $(SUITE_PAGES): $(ENVIRONMENT_PAGES) docs/site/suites.py $(wildcard segar/suites
 	$(PY) docs/site/suites.py
 
 # The playgrounds in the tutorial are made by its own commands, again only if these or the sources changed.
-site: $(SUITE_PAGES)
+site-playgrounds: $(SITE_STAMP)
 	$(PY) docs/site/playgrounds.py
+
+site-sources: $(SUITE_PAGES) site-playgrounds
+
+site: $(SITE_STAMP)
+	$(MAKE) --no-print-directory --jobs 2 site-sources
 	$(PY) docs/site/pages.py
 	rm -rf build/site
 	$(PY) -m sphinx --quiet --fail-on-warning --keep-going --jobs auto --write-all --doctree-dir build/site-doctrees \
