@@ -102,7 +102,8 @@ def level_means(row: Row) -> dict[tuple[str, int, str], Floats]:
     """The mean return and success on each level, float64 ``(2, levels)``, by suite, seed and side.
 
     Raises:
-        RunFolderError: a suite is another version here, or the row has not all of its test levels, or others.
+        RunFolderError: a suite is another version here, or the row has not all of its test levels, others, or some of them
+            more often.
     """
     episodes = row.results().to_pandas()
     played = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]]
