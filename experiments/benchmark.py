@@ -302,12 +302,8 @@ def trained_piece(run: RunConfig) -> NewPiece:
 def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) -> None:
     """Plays what a row without training lacks, and adds it to the row; raises :class:`TrainingError` where something failed."""
     place = pieces_folder(config, method)
-    tasks = [
-        PlayerTask(
-            method, name, seed, place / piece_name(name, seed), config.policy, config.actions, config.policy_seconds
-        )
-        for name, seed in left
-    ]
+    player = config.policy, config.actions, config.policy_seconds
+    tasks = [PlayerTask(method, name, seed, place / piece_name(name, seed), *player) for name, seed in left]
     waiting = [task for task in tasks if not task.is_done()]
     processes = config.processes or cores()
     seconds = seconds_per_piece(config)

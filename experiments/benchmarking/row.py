@@ -11,6 +11,7 @@ import dataclasses
 import hashlib
 import json
 import re
+import shutil
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +29,7 @@ from segar.support import locked, sha256_of, shown
 
 FORMAT = 1
 ROW, TABLE, MEANS, PIECE = "row.json", "episodes.parquet", "levels.parquet", "piece.json"
+STAGED = ".new"  # folder of what becomes part of a row, until all of it is written
 FETCH = "`segar results fetch` gets what is published"
 KINDS = ("player", "networks", "onnx", "actions")
 DIGITS = 16  # of hashes
@@ -342,23 +344,35 @@ def add_pieces(folder: Path, method: Method, new: Sequence[NewPiece]) -> Row:
     """
     make_folder(folder)
     with locked(folder.parent, RunFolderError, "start the command again later", WAIT):
+        _take(folder)
         before = row_of(folder, method)
-        own = {TABLE, MEANS, *(one.piece.file for one in new)}  # which a process that was killed may have left
-        if before is None and (others := {one.name for one in folder.glob("[!.]*")} - own):
+        if before is None and (others := {one.name for one in folder.glob("[!.]*")}):
             raise RunFolderError(f"{folder} holds no row but {min(others)}; name another folder: rows=..., or row=...")
         added = {(one.piece.suite, one.piece.seed) for one in new}
         kept = [] if before is None else [one for one in before.pieces if (one.suite, one.seed) not in added]
         pieces = sorted([*kept, *(one.piece for one in new)], key=lambda one: (one.suite, one.seed))
         tables = [] if before is None else [before.episodes()]
         tables = [*(_without(one, added) for one in tables), *(one.episodes.cast(EPISODES) for one in new)]
+        staged = folder / STAGED
+        shutil.rmtree(staged, ignore_errors=True)  # of a process that was killed before all was there
         for one in new:
             if one.path is not None:
-                write_bytes(folder / one.piece.file, one.path.read_bytes())
+                write_bytes(staged / one.piece.file, one.path.read_bytes())
         episodes = pa.concat_tables(tables).sort_by([(key, "ascending") for key in KEYS])
-        write_parquet(folder / TABLE, episodes, "zstd")
-        write_means(folder, episodes)
-        _write(folder, method, pieces, {} if before is None else before.files)
+        write_parquet(staged / TABLE, episodes, "zstd")
+        write_means(staged, episodes)
+        _write(staged, method, pieces, {} if before is None else before.files)
+        _take(folder)
     return read_row(folder)
+
+
+def _take(folder: Path) -> None:
+    """Puts what is staged for a row in its place once all of it is there, the description last."""
+    staged = folder / STAGED
+    if (staged / ROW).exists():
+        for path in sorted(staged.iterdir(), key=lambda one: one.name == ROW):
+            path.replace(folder / path.name)
+        staged.rmdir()
 
 
 def write_drawn(row: Row, drawn: Sequence[Drawn]) -> Row:
@@ -404,21 +418,14 @@ def write_means(folder: Path, episodes: pa.Table) -> None:
 def _write(
     folder: Path, method: Method, pieces: Sequence[Piece], known: Mapping[str, str], drawn: Sequence[Drawn] = ()
 ) -> None:
-    """Writes the description of a row, whose other files are written already, and removes files that no piece has.
+    """Writes the description of a row, whose other files are written already.
 
     Args:
         known: the hashes of files that the folder may lack.
     """
     kept = {TABLE, *(one.file for one in pieces if one.file)}
-    for path in folder.glob("*.npz"):
-        if path.name not in kept:
-            path.unlink()
-    made_with: list[Any] = []
-    listed = []
-    for one in pieces:
-        if one.made_with not in made_with:
-            made_with.append(one.made_with)
-        listed.append({**dataclasses.asdict(one), "made_with": made_with.index(one.made_with)})
+    made_with = [*{json.dumps(_plain(one.made_with), sort_keys=True): one.made_with for one in pieces}.values()]
+    listed = [{**dataclasses.asdict(one), "made_with": made_with.index(one.made_with)} for one in pieces]
     data = {"format": FORMAT, **dataclasses.asdict(method), "pieces": listed, "made_with": made_with}
     files = {name: file_hash(folder / name) if (folder / name).exists() else known[name] for name in sorted(kept)}
     if drawn:

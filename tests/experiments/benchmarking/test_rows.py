@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 
 import numpy as np
 import pyarrow as pa
@@ -117,6 +118,26 @@ def test_of_levels_that_were_played_several_times_the_means_can_stand_for_the_ep
     (row.folder / MEANS).write_bytes(b"other")
     with pytest.raises(RunFolderError, match=f"{MEANS} is not what the row was made of"):
         read_row(row.folder)
+
+
+@pytest.mark.parametrize("after", range(8))
+def test_what_a_process_that_was_killed_left_of_new_pieces_is_done_again_or_finished(row, tmp_path, monkeypatch, after):
+    new, moved, move = [piece_of(tmp_path / "new", seed=seed) for seed in (2, 3)], [], os.replace
+
+    def killed(*where):
+        if len(moved) == after:
+            raise KeyboardInterrupt
+        moved.append(move(*where))
+
+    monkeypatch.setattr(os, "replace", killed)
+    with pytest.raises(KeyboardInterrupt):
+        add_pieces(row.folder, METHOD, new)
+    monkeypatch.undo()
+    if after <= 4:  # two files, the table and the description are written before the first of them is moved
+        assert read_row(row.folder) == row
+    whole = add_pieces(tmp_path / "mine", METHOD, [piece_of(tmp_path / "new"), *new])
+    assert add_pieces(row.folder, METHOD, new).hash == whole.hash
+    assert not [path for path in row.folder.iterdir() if path.is_dir()]
 
 
 def test_the_row_of_another_method_is_not_added_to(row):
