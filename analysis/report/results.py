@@ -55,8 +55,13 @@ class Results:
 
     def of(self, *experiments: str) -> pd.DataFrame:
         """The runs that belong to any of the experiments, with the columns of :func:`measured`."""
-        wanted = set(experiments)
-        return measured(keep(self.runs, [bool(wanted & set(str(names).split())) for names in self.runs["experiments"]]))
+        wanted, runs = set(experiments), self.measured
+        return keep(runs, [bool(wanted & set(str(names).split())) for names in runs["experiments"]])
+
+    @cached_property
+    def measured(self) -> pd.DataFrame:
+        """All runs, with the columns of :func:`measured`."""
+        return measured(self.runs)
 
     def study(self, name: str, table: str) -> pd.DataFrame:
         """A table of a study that trains nothing; empty where there is none."""

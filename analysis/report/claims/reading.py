@@ -11,7 +11,7 @@ import pandas as pd
 
 from segar.analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, Claim, Finding, Planned, with_holm
 from segar.analysis.report.claims.evidence import Evidence
-from segar.analysis.report.claims.rows import ROWS
+from segar.analysis.report.claims.rows import rows_of
 from segar.analysis.report.claims.specifications import specifications, survives
 from segar.analysis.report.claims.statements import METRICS, STATEMENTS, stated, tested
 from segar.analysis.report.claims.tests import restricted
@@ -45,7 +45,7 @@ def claim_of(name: str, evidence: Evidence, survives: bool) -> Claim:
 def with_consequence(claim: Claim, evidence: Evidence) -> Claim:
     """The claim with what follows from its verdicts, or with what it takes to test it."""
     name, words, needs = claim.name, STATEMENTS["claims"][claim.name], STATEMENTS["evidence"]
-    rows = ROWS[words["evidence"]](evidence)
+    rows = rows_of(words["evidence"], evidence)
     follows, lacks = consequence(claim, words), ""
     if not follows:
         lacks = needs[words.get("else_needs", words["evidence"]) if len(rows) else words["evidence"]]
@@ -62,7 +62,7 @@ def with_consequence(claim: Claim, evidence: Evidence) -> Claim:
 def findings_of(name: str, evidence: Evidence) -> list[Finding]:
     """The findings of a claim's tests; none where the runs that it is about are missing."""
     words = STATEMENTS["claims"][name]
-    rows = ROWS[words["evidence"]](evidence)
+    rows = rows_of(words["evidence"], evidence)
     return tested(evidence, rows, name) if len(rows) else []
 
 
@@ -80,7 +80,7 @@ def planned_of(name: str, evidence: Evidence) -> Planned:
     of = STATEMENTS["claims"][name]["evidence"]
     if of not in STATEMENTS["planned"]:  # nothing is trained for it
         return Planned()
-    there = ROWS[of](evidence.ungated)
+    there = rows_of(of, evidence.ungated)
     lacking = missing_for(evidence, of)
     if of == "harder levels" and len(lacking):
         harder = lacking["difficulty"].map(HARDER.get)

@@ -1,6 +1,7 @@
 """The runs that claims are about, by the names that ``statements.yaml`` gives them, with the columns that their tests name."""
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 
 import numpy as np
 import pandas as pd
@@ -318,3 +319,9 @@ ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
     "ten rule sets": runs_on_ten,
     "trials": trial_runs,
 }
+
+
+@lru_cache(maxsize=2 * len(ROWS))
+def rows_of(name: str, evidence: Evidence) -> pd.DataFrame:
+    """The runs of a name in :data:`ROWS`, for which a report asks several times."""
+    return ROWS[name](evidence)

@@ -10,7 +10,7 @@ import pandas as pd
 from segar.analysis.report.claims.claim import METRIC_OURS
 from segar.analysis.report.claims.evidence import GIVEN_CELL, Evidence
 from segar.analysis.report.claims.prediction import MEASURES
-from segar.analysis.report.claims.rows import LEVELS, PROBES, ROWS, accuracies
+from segar.analysis.report.claims.rows import LEVELS, PROBES, accuracies, rows_of
 from segar.analysis.report.claims.statements import STATEMENTS, tested
 from segar.analysis.report.claims.verdicts import is_known, is_significant
 from segar.analysis.report.results import ETA, LESS_REGRET, SUCCESS
@@ -48,7 +48,7 @@ def specifications(evidence: Evidence) -> pd.DataFrame:
 
 def of_distances(evidence: Evidence) -> Iterator[Specification]:
     """The specifications of correlations with a distance."""
-    main, agent = (prepared(evidence, ROWS[name](evidence)) for name in ("main grid", "the paper's agent"))
+    main, agent = (prepared(evidence, rows_of(name, evidence)) for name in ("main grid", "the paper's agent"))
     for claim, given in OF_DISTANCE.items():
         runs = agent if claim == "3a-agent" else main
         forms = FORMS if claim == "3a-n" else {GIVEN_CELL if claim == "3a-cell" else NOT_GIVEN: ""}
@@ -65,7 +65,7 @@ def of_distances(evidence: Evidence) -> Iterator[Specification]:
 
 def of_rule_sets(evidence: Evidence) -> Iterator[Specification]:
     """Those of rule-sets, with one rule set and without."""
-    for which, part in by_number(ROWS["numbers of rule sets"](evidence), "rule_sets"):
+    for which, part in by_number(rows_of("numbers of rule sets", evidence), "rule_sets"):
         for one in tested(evidence, part, "rule-sets"):
             yield "rule-sets", NOT_GIVEN, "number of rule sets", "success", which, one.found
 
