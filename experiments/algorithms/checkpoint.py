@@ -16,12 +16,13 @@ from typing import Any
 import torch
 from torch import nn
 
+from segar.errors import SegarError, naming
 from segar.experiments.algorithms.learner import Learner
 from segar.experiments.runs.executed_code import differing_parts
 from segar.experiments.runs.files import replacing, write_bytes
 from segar.experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
 from segar.experiments.settings import CheckpointError, RunConfig, TrainingError
-from segar.support import DAMAGE, first_line, misfit, opened
+from segar.support import damage_told, misfit, opened
 
 FORMAT = 1
 TRAIN_ANEW = "restart=true trains anew"
@@ -34,8 +35,6 @@ FORM = {
     "extra": {"seconds": float, "rows?": int, "played?": int},
 }
 """What a checkpoint holds; see :func:`segar.support.misfit`."""
-# What reading, and a learner, raise at files that were changed on purpose.
-UNUSABLE = (*DAMAGE, pickle.UnpicklingError, AttributeError, AssertionError)
 
 
 def save_checkpoint(
@@ -99,12 +98,8 @@ def resume_checkpoint(
             "or train anew with stale=anew"
         )
     _load_weights(path, learner.policy, content)
-    try:
+    with naming(f"{path} does not fit the learner ({TRAIN_ANEW})", CheckpointError), damage_told(SegarError):
         learner.load_state_dict(content["learner"])
-    except UNUSABLE as error:
-        raise CheckpointError(
-            f"the checkpoint {path} does not fit the learner: {type(error).__name__}, {first_line(error)}. {TRAIN_ANEW}"
-        ) from error
     return content["extra"]
 
 
@@ -165,20 +160,17 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     and a learner, these say. A file whose parts are compressed is refused: torch never compresses them, and compressed
     ones could expand without limit.
     """
-    with opened(path, "checkpoint", CheckpointError) as file:
-        try:
-            parts = zipfile.ZipFile(file)  # torch does not look at the sums that it writes
-            if sum(part.file_size for part in parts.infolist()) > path.stat().st_size:
-                raise zipfile.BadZipFile("its parts are larger than the file")
-            odd = parts.testzip()
-            if odd is not None:
-                raise zipfile.BadZipFile(f"the sum over {odd} is wrong")
-            file.seek(0)
-            content = torch.load(file, map_location="cpu", weights_only=True)
-        except UNUSABLE as error:
-            raise CheckpointError(
-                f"the checkpoint {path} is damaged or none of ours: {first_line(error)}. {TRAIN_ANEW}"
-            ) from error
+    told = f"the checkpoint {path} is damaged or none of ours"
+    unusable = damage_told(lambda why: CheckpointError(f"{told}: {why}. {TRAIN_ANEW}"), pickle.UnpicklingError)
+    with opened(path, "checkpoint", CheckpointError) as file, unusable:
+        parts = zipfile.ZipFile(file)  # torch does not look at the sums that it writes
+        if sum(part.file_size for part in parts.infolist()) > path.stat().st_size:
+            raise zipfile.BadZipFile("its parts are larger than the file")
+        odd = parts.testzip()
+        if odd is not None:
+            raise zipfile.BadZipFile(f"the sum over {odd} is wrong")
+        file.seek(0)
+        content = torch.load(file, map_location="cpu", weights_only=True)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise CheckpointError(

@@ -31,7 +31,7 @@ from typing import Any
 import pyarrow as pa
 import yaml
 
-from segar.experiments.runs.files import absolute_path, make_folder, read_json, read_table, write_parquet, write_text
+from segar.experiments.runs.files import absolute_path, read_json, read_table, write_parquet, write_text
 from segar.experiments.runs.own_modules import folders_of, modules_named, own_packages
 from segar.experiments.runs.trust import settings_of_file, signed
 from segar.experiments.settings import ConfigError, RunConfig, RunFolderError, as_data, run_config, without_password
@@ -132,7 +132,6 @@ def use_run_folder(config: RunConfig) -> Iterator[Path]:
             ``config`` forbids to resume the run that it holds.
     """
     folder = folder_path(config)
-    make_folder(folder)
     with lock(folder):
         _occupy(folder, config)
         remove_unfinished(folder)

@@ -50,7 +50,6 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
     """
     logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it logs every retry
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # it logs a traceback for each failure
-    root.mkdir(parents=True, exist_ok=True)
     with locked(root, StoreBusy, OPENING, LONGEST_OPENING, ".mlflow.lock"):
         if tracking.uri is None and not (root / STORE).exists():
             with replacing(root / STORE) as beside:  # half a database could never be opened again

@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import hashlib
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -13,7 +14,7 @@ from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.levels import Levels, hash_of_levels
 from segar.rules import World
-from segar.support import __version__, misfit
+from segar.support import __version__, damage_told, misfit
 
 LEVELS = "levels.npz"
 KEY = "segar"  # of the recipe in Minari's metadata
@@ -90,7 +91,16 @@ def recipe_of(dataset: Any) -> Recipe:
         raise SegarError(
             f"the Minari dataset '{dataset.id}' was not recorded by segar.datasets.record: it has no recipe"
         )
-    return recipe_from(metadata[KEY], f"the Minari dataset '{dataset.id}'")
+    where, there = f"the Minari dataset '{dataset.id}'", dataset.storage.total_episodes
+    recipe = recipe_from(metadata[KEY], where)
+    if recipe.episodes != there or min(recipe.batch, recipe.trials, recipe.seed + 1) < 1:
+        raise SegarError(f"{where} has {there} episodes, which its recipe cannot be of: {recipe}; record it again")
+    return recipe
+
+
+def reading(place: object) -> AbstractContextManager[None]:
+    """Have what Minari and HDF5 raise of damaged files be a :class:`SegarError` that says where they are."""
+    return damage_told(lambda why: SegarError(f"{place} cannot be read ({why}); restore it, or remove it"))
 
 
 def levels_of(dataset: Any, world: World | None = None) -> Levels:

@@ -14,13 +14,13 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from segar.datasets.episodes import Episode, roll_out
-from segar.datasets.recipe import KEY, LEVELS, Recipe, fingerprint_text, hash_of_kernel, recipe_from, recipe_of
+from segar.datasets.recipe import KEY, LEVELS, Recipe, fingerprint_text, hash_of_kernel, reading, recipe_from, recipe_of
 from segar.envs import REWARDS, Policy, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation import require_options
 from segar.levels import Levels, family, hash_of_levels
 from segar.observations import leaves
-from segar.support import counted, data_in, is_whole, locked, need, replacing
+from segar.support import counted, damage_told, data_in, is_whole, locked, need, replacing
 from segar.tasks import TASKS
 
 RECIPE = "recipe.json"
@@ -101,7 +101,8 @@ def record(
         batch=max(batch // one.trials, 1) * one.trials,
     )
     if target.exists():
-        found = minari.load_dataset(dataset_id)
+        with reading(target):
+            found = minari.load_dataset(dataset_id)
         recipe_of(found).require_same(recipe, f"there is a Minari dataset '{dataset_id}' already, in {target},")
         return found
     summary = f"{counted(episodes, 'episode')} of {recipe.task} on {levels!r}, played by {recipe.policy}"
@@ -143,10 +144,8 @@ def _place(dataset_id: str) -> Path:
     from minari.dataset.minari_dataset import parse_dataset_id
     from minari.storage import get_dataset_path
 
-    try:
+    with damage_told(lambda _: SegarError(f"'{dataset_id}' names no Minari dataset; write name-v0, or group/name-v0")):
         parse_dataset_id(dataset_id)
-    except (ValueError, TypeError):  # the second where there is no version
-        raise SegarError(f"'{dataset_id}' names no Minari dataset; write name-v0, or group/name-v0") from None
     return Path(get_dataset_path(dataset_id))
 
 
@@ -156,10 +155,6 @@ def _unfinished(dataset_id: str, recipe: Recipe) -> Iterator[Path]:
     from minari.storage import get_dataset_path
 
     folder = Path(get_dataset_path()) / UNFINISHED / dataset_id
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise SegarError(f"episodes cannot be recorded into {folder}: {cause.strerror}") from cause
     with locked(folder, SegarError, "wait until it has recorded, or choose another name"):
         begun = folder / RECIPE
         if begun.exists():
@@ -211,10 +206,11 @@ def _read(place: Path) -> Iterator[Episode]:
     """The episodes that a folder holds."""
     from minari.dataset.minari_storage import MinariStorage
 
-    storage = MinariStorage.read(place)
-    numbers = range(storage.total_episodes)
-    for found, metadata in zip(storage.get_episodes(numbers), storage.get_episode_metadata(numbers), strict=True):
-        yield Episode(**{name: value for name, value in found.items() if name != "id"}, options=metadata["options"])
+    with reading(place):
+        storage = MinariStorage.read(place)
+        numbers = range(storage.total_episodes)
+        for found, metadata in zip(storage.get_episodes(numbers), storage.get_episode_metadata(numbers), strict=True):
+            yield Episode(**{name: value for name, value in found.items() if name != "id"}, options=metadata["options"])
 
 
 def _list_group(group: str) -> None:

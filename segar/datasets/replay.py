@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from segar.datasets.episodes import Episode, episode_of, roll_out
-from segar.datasets.recipe import hash_of_kernel, levels_of, recipe_of
+from segar.datasets.recipe import hash_of_kernel, levels_of, reading, recipe_of
 from segar.envs import VectorEnv, play
 from segar.errors import SegarError, naming
 from segar.language import Task
@@ -50,11 +50,12 @@ def check_replay(dataset: Any, *, observation: Any = None, task: Task | None = N
         observation = recipe.observation
     limits = {name: getattr(recipe, name) for name in ("max_steps", "sub_steps", "trials", "unit_actions")}
     for batch, numbers in enumerate(recipe.numbers()):
-        recorded = list(dataset.iterate_episodes(numbers))
         n = len(numbers) // recipe.trials
+        with reading(dataset.storage.data_path):
+            recorded = list(dataset.iterate_episodes(numbers))
+            played = np.array([int(one.infos["level"][0]) for one in recorded[:: recipe.trials]])
+            actions = _steps_of([one.actions for one in recorded], recipe.trials)
         env = VectorEnv(levels, n, observation=observation or "state", task=task, world=world, **limits)
-        played = np.array([int(one.infos["level"][0]) for one in recorded[:: recipe.trials]])
-        actions = _steps_of([one.actions for one in recorded], recipe.trials)
         again = roll_out(env, played, recipe.seed_of(batch), lambda observations, actions=actions: next(actions))
         try:
             for number, there, here in zip(numbers, recorded, again, strict=True):

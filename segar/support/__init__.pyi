@@ -66,7 +66,7 @@ from .json_forms import (
 from .kept_arrays import read_only as read_only
 from .notebooks import ShownInNotebooks as ShownInNotebooks, templates as templates
 from .npz import (
-    DAMAGE as DAMAGE,
+    damage_told as damage_told,
     Form as Form,
     first_line as first_line,
     open_npz as open_npz,

@@ -18,7 +18,7 @@ from filelock import FileLock, Timeout
 
 from segar.errors import SegarError
 from segar.support.json_forms import from_json, misfit
-from segar.support.npz import Form, first_line, open_npz
+from segar.support.npz import Form, damage_told, open_npz
 from segar.support.reading import LIMIT, kind_of
 from segar.support.version import __version__
 
@@ -87,7 +87,7 @@ def remove_unfinished(folder: Path, recursive: bool = True) -> None:
 def locked(
     folder: Path, error: type[SegarError], advice: str, timeout: float = LOCK_TIMEOUT, name: str = LOCK
 ) -> Iterator[None]:
-    """Keep other processes out of a folder inside the block, by a lock on a file in it.
+    """Keep other processes out of a folder, which is made if it is not there, inside the block, by a lock on a file in it.
 
     Args:
         advice: how the message ends.
@@ -98,6 +98,7 @@ def locked(
         error: another process is at work in the folder, or the file cannot be made.
     """
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         held = FileLock(folder / name, timeout=timeout).acquire()
     except Timeout:
         raise error(f"another process is at work in {folder}; {advice}") from None
@@ -227,13 +228,9 @@ class ArchiveFormat:
             )
 
     def _checked_description(self, path: Path, text: bytes) -> dict[str, Any]:
-        try:
+        told = f"{path} is not a {self.file}, or only part of one: its description is no JSON"
+        with damage_told(lambda why: self.error(f"{told} ({why}); save or copy it again")):
             metadata = from_json(text)
-        except ValueError as cause:
-            raise self.error(
-                f"{path} is not a {self.file}, or only part of one: its description is no JSON ({first_line(cause)}); save"
-                " or copy it again"
-            ) from cause
         found = metadata.get("format") if isinstance(metadata, dict) else None
         if found != self.name:
             raise self.error(f"{path} is not a {self.file}, whose format is '{self.name}'; its format is '{found}'")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from segar.errors import SegarError, did_you_mean
-from segar.support.npz import first_line
+from segar.support.npz import damage_told
 from segar.support.reading import LIMIT, content_of
 
 LARGEST_INTEGER = 2**64  # in size; larger ones have no place in an array
@@ -82,10 +82,8 @@ def data_in(
             another form; the message names the place.
     """
     text = content_of(path, kind.removeprefix("a ").removesuffix(" in JSON"), error, limit)
-    try:
+    with damage_told(lambda why: error(f"{path} is not {kind}, or only part of one: {why}{advice}")):
         data = parse(text)
-    except (ValueError, RecursionError) as cause:
-        raise error(f"{path} is not {kind}, or only part of one: {first_line(cause)}{advice}") from cause
     if wrong := misfit(data, form, only=only):
         raise error(f"{path}: {wrong}{advice}")
     return data

@@ -6,8 +6,8 @@ import tokenize
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -21,7 +21,7 @@ LONGEST_HEADER = 4096  # [characters]; numpy writes 118
 # What zipfile and numpy raise on bytes that nobody wrote; the lists were found by flipping bytes and by crafted headers.
 DAMAGE = (
     zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError, ValueError, SyntaxError, TypeError, KeyError,
-    IndexError, EOFError, OSError, NotImplementedError, RuntimeError, OverflowError, MemoryError,
+    IndexError, EOFError, OSError, RuntimeError, OverflowError, MemoryError, AttributeError, AssertionError,
 )  # fmt: skip
 
 
@@ -89,18 +89,14 @@ class Npz:
         Raises:
             error: there is none of this name, it is no array, or not as long as it says.
         """
-        try:
-            info = self.archive.getinfo(f"{name}.npy")
-        except KeyError:
-            raise self._damaged(f"it has no array '{name}'") from None
-        try:
-            with self.archive.open(info) as member:
-                version = np.lib.format.read_magic(member)
-                read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-                shape, _, dtype = read[version](member, max_header_size=LONGEST_HEADER)
-                start = member.tell()
-        except DAMAGE as cause:
-            raise self._damaged(f"the array '{name}' cannot be read ({first_line(cause)})") from cause
+        if name not in self.names:
+            raise self._damaged(f"it has no array '{name}'")
+        info = self.archive.getinfo(f"{name}.npy")
+        with self._reading(name), self.archive.open(info) as member:
+            version = np.lib.format.read_magic(member)
+            read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+            shape, _, dtype = read[version](member, max_header_size=LONGEST_HEADER)
+            start = member.tell()
         if dtype.hasobject:
             raise self._damaged(f"the array '{name}' holds Python objects, which are not read")
         if min(shape, default=0) < 0 or info.file_size != start + math.prod(shape) * dtype.itemsize:
@@ -126,13 +122,13 @@ class Npz:
         return {name: self._expanded(name) for name in forms}
 
     def _expanded(self, name: str) -> np.ndarray:
-        try:
-            with self.archive.open(f"{name}.npy") as member:
-                array = np.lib.format.read_array(member, allow_pickle=False, max_header_size=LONGEST_HEADER)
-                member.read(1)  # the end is where zipfile compares the checksum
-        except DAMAGE as cause:
-            raise self._damaged(f"the array '{name}' cannot be read ({first_line(cause)})") from cause
+        with self._reading(name), self.archive.open(f"{name}.npy") as member:
+            array = np.lib.format.read_array(member, allow_pickle=False, max_header_size=LONGEST_HEADER)
+            member.read(1)  # the end is where zipfile compares the checksum
         return np.ascontiguousarray(array).reshape(array.shape)
+
+    def _reading(self, name: str) -> AbstractContextManager[None]:
+        return damage_told(lambda why: self._damaged(f"the array '{name}' cannot be read ({why})"))
 
     def _damaged(self, what: str) -> SegarError:
         return self.error(f"{self.path} is not a {self.file}, or only part of one: {what}; save or copy it again")
@@ -146,16 +142,29 @@ def open_npz(path: Path, file: str, error: type[SegarError], limit: int = LIMIT)
         error: there is no such file, it is no archive, an array stands twice in it, or it is encrypted.
     """
     with opened(path, file, error) as stream:
-        try:
+        told = f"{path} is not a {file}, or only part of one"
+        with damage_told(lambda why: error(f"{told} ({why}); save or copy it again")):
             archive = zipfile.ZipFile(stream)
-        except DAMAGE as cause:
-            reason = "" if isinstance(cause, zipfile.BadZipFile) else f" ({first_line(cause)})"
-            raise error(f"{path} is not a {file}, or only part of one; save or copy it again{reason}") from cause
         npz = Npz(path, archive, file, error, limit)
         twice = [name for name, count in Counter(archive.namelist()).items() if count > 1]
         if twice:
             raise npz._damaged(f"'{twice[0]}' stands in it twice")
         yield npz
+
+
+@contextmanager
+def damage_told(told: Callable[[str], SegarError], *more: type[Exception]) -> Iterator[None]:
+    """Have what damaged files raise inside the block be the error that ``told`` makes of its first line.
+
+    Args:
+        more: classes of errors beyond :data:`DAMAGE`.
+    """
+    try:
+        yield
+    except SegarError:
+        raise
+    except (*DAMAGE, *more) as cause:
+        raise told(first_line(cause)) from cause
 
 
 def first_line(error: BaseException) -> str:

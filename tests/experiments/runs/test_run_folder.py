@@ -139,7 +139,7 @@ def test_a_root_that_no_folder_can_have_is_refused_by_its_name(config, tmp_path,
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     (tmp_path / "file").touch()
     root = name if name.startswith("~") else str(tmp_path / name)
-    with pytest.raises(RunFolderError, match=r"is no place for files|cannot make the folder"):
+    with pytest.raises(RunFolderError, match=r"is no place for files|cannot use the folder"):
         run(dataclasses.replace(config, root=root, folder=None))
 
 

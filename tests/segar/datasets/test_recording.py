@@ -130,12 +130,38 @@ def test_a_dataset_of_another_program_has_no_recipe(recorded, root):
     shutil.copytree(recorded.storage.data_path, root / "other-v0" / "data")
     path = root / "other-v0" / "data" / "metadata.json"
     whole = json.loads(path.read_text())
-    for recipe, said in ((None, "it has no recipe"), ({"seed": "1"}, "no recipe that this SEGAR reads")):
+    damaged = [{"batch": 0}, {"batch": -3}, {"trials": 0}, {"episodes": 3}, {"seed": -1}]
+    cannot = [({**whole["segar"], **one}, "has 7 episodes, which its recipe cannot be of") for one in damaged]
+    for recipe, said in ((None, "it has no recipe"), ({"seed": "1"}, "no recipe that this SEGAR reads"), *cannot):
         path.write_text(
             json.dumps({**{k: v for k, v in whole.items() if k != "segar"}, **({"segar": recipe} if recipe else {})})
         )
         with pytest.raises(segar.SegarError, match=said):
             check_replay(minari.load_dataset("other-v0"))
+
+
+@pytest.mark.parametrize("name", ["infos/level", "actions", "rewards"])
+@pytest.mark.parametrize("value", [None, h5py.SoftLink("/episode_4"), h5py.ExternalLink("/etc/passwd", "/"), 0])
+def test_a_damaged_file_of_episodes_is_named(recorded, root, name, value):
+    shutil.copytree(recorded.storage.data_path, root / "bad-v0" / "data")
+    with h5py.File(root / "bad-v0" / "data" / "main_data.hdf5", "a") as file:
+        del file[f"episode_4/{name}"]
+        if value == 0:
+            file.create_dataset(f"episode_4/{name}", (2**50, 3), "f4", chunks=(1, 3))
+        elif value is not None:
+            file[f"episode_4/{name}"] = value
+    with pytest.raises(segar.SegarError, match=r"bad-v0/data cannot be read \(.+\); restore it, or remove it"):
+        check_replay(minari.load_dataset("bad-v0"))
+
+
+@pytest.mark.parametrize("file", ["metadata.json", "main_data.hdf5"])
+def test_what_stands_in_place_of_a_dataset_is_named_and_stays(recorded, levels, root, file):
+    place = root / "there-v0" / "data"
+    shutil.copytree(recorded.storage.data_path, place)
+    (place / file).unlink()
+    with pytest.raises(segar.SegarError, match=r"there-v0 cannot be read \(No data found"):
+        record("there-v0", levels, **OPTIONS)
+    assert len([*place.iterdir()]) == 2
 
 
 def test_other_levels_than_those_that_were_recorded_are_refused(recorded, root):
@@ -167,6 +193,11 @@ def test_a_recording_that_was_killed_goes_on_to_the_same_bits(levels, root):
         record("killed-v0", levels, Counting(dies_at_call=12), **OPTIONS)
     assert [*minari.list_local_datasets()] == ["whole-v0"]
     (root / ".segar-recording" / "killed-v0" / "batch-00001.writing").mkdir()
+    batch = root / ".segar-recording" / "killed-v0" / "batch-00000" / "metadata.json"
+    batch.rename(batch.with_suffix(".away"))
+    with pytest.raises(segar.SegarError, match=r"batch-00000 cannot be read \(No data found"):
+        record("killed-v0", levels, Counting(), **OPTIONS)
+    batch.with_suffix(".away").rename(batch)
     with pytest.raises(segar.SegarError, match=r"holds a recording with other settings: seed \(0 there, 1 asked for\)"):
         record("killed-v0", levels, Counting(), **OPTIONS, seed=1)
     seen, policy = [], Counting()
