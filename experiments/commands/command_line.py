@@ -12,10 +12,9 @@ from types import ModuleType
 from typing import Any
 
 from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
-from segar.experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, to_plain
+from segar.errors import naming
+from segar.experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, to_plain, unreadable_told
 from segar.experiments.settings import ConfigError, construct
 from segar.support import Parser
 
@@ -85,10 +84,8 @@ def read_arguments(
 
 def read_value(name: str, text: str) -> Any:
     """The value of a setting, from YAML; raises :class:`ConfigError`."""
-    try:
+    with naming(name, ConfigError), unreadable_told():
         return to_plain(OmegaConf.from_cli([f"{name}={text}"]))[name]
-    except (YAMLError, OmegaConfBaseException) as error:
-        raise ConfigError(f"{name}: '{text}' cannot be read: {error}") from error
 
 
 def settings_of(function: Callable[..., Any]) -> type:

@@ -17,6 +17,8 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from segar.errors import SegarError
 from segar.experiments.commands.config_store import conf_dir, register_settings
@@ -156,7 +158,8 @@ def is_setting(argument: str) -> bool:
 def check_own_objects(config: DictConfig) -> None:
     """Raises :class:`ConfigError` if a module or attribute that names levels, the task or the observation does not exist."""
     for place in ("levels.test", *OWN_NAMES.values()):
-        name = OmegaConf.select(config, place)
+        with unreadable_told():
+            name = OmegaConf.select(config, place)
         if isinstance(name, str) and ":" in name:
             import_object(name, place)
 
@@ -182,7 +185,8 @@ def initialized() -> AbstractContextManager[Any]:
 def compose_data(overrides: Sequence[str], config_name: str, with_hydra: bool = False) -> DictConfig:
     """Hydra's result, with the settings of Hydra if they are wanted; raises :class:`ConfigError` that names the culprit."""
     try:
-        return hydra.compose(config_name, list(overrides), return_hydra_config=with_hydra)
+        with unreadable_told():
+            return hydra.compose(config_name, list(overrides), return_hydra_config=with_hydra)
     except CompactHydraException as error:
         raise ConfigError(explain_overrides(error, overrides, config_name)) from error
 
@@ -193,10 +197,21 @@ def build_run(config: DictConfig) -> RunConfig:
 
 
 def to_plain(config: DictConfig) -> dict[str, Any]:
-    """Hydra's result as plain data."""
-    data = OmegaConf.to_container(config, resolve=True)
+    """Hydra's result as plain data; raises :class:`ConfigError` where a setting refers to what is not there."""
+    with unreadable_told():
+        data = OmegaConf.to_container(config, resolve=True)
     assert isinstance(data, dict)
     return {str(key): value for key, value in data.items()}
+
+
+@contextmanager
+def unreadable_told() -> Iterator[None]:
+    """A block in which :class:`ConfigError` says which settings cannot be read: by their file, or by what they refer to."""
+    try:
+        yield
+    except (OmegaConfBaseException, YAMLError, UnicodeDecodeError, RecursionError) as error:
+        text = f", in the file with {error.object[:40]!r}" if isinstance(error, UnicodeDecodeError) else ""
+        raise ConfigError(f"settings cannot be read: {' '.join(str(error).split())}{text}") from error
 
 
 @contextmanager

@@ -103,5 +103,5 @@ def test_values_are_read_as_yaml():
 
 
 def test_what_cannot_be_read_is_named():
-    with pytest.raises(ConfigError, match=r"n: '\[1' cannot be read"):
+    with pytest.raises(ConfigError, match=r"n: settings cannot be read: .*\[1"):
         read_value("n", "[1")

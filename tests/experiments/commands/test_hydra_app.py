@@ -240,6 +240,29 @@ def test_an_own_object_that_does_not_exist_is_told_by_its_setting(override, says
         Prepared(compose([override])).check_names()
 
 
+@pytest.mark.parametrize("override", ["levels.train", "levels.test", "seed"])
+def test_a_setting_that_refers_to_what_is_not_there_is_told_by_its_name(override, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["train", f"{override}=${{oc.env:NOT_SET_ANYWHERE}}"])
+    with pytest.raises(ConfigError, match=f"cannot be read: .*'NOT_SET_ANYWHERE' not found.* full_key: {override}"):
+        (check_command_line("config"), compose(sys.argv[1:]))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (b"seed: 1\nseed: 2\n", "found duplicate key seed in .*wrong.yaml"),
+        (b"\tseed: 1\n", "cannot start any token in .*wrong.yaml"),
+        (b"seed: \0\n", "special characters are not allowed in .*wrong.yaml"),
+        (b"seed: \xf6\n", "can't decode byte 0xf6 in position 6: .*, in the file with b'seed: "),
+        (b"seed: " + b"[" * 3000, "recursion"),
+    ],
+)
+def test_a_file_of_settings_that_cannot_be_read_is_told(my_lab, text, says):
+    (my_lab / "conf" / "sweep" / "wrong.yaml").write_bytes(text)
+    with pytest.raises(ConfigError, match=f"settings cannot be read: .*{says}"):
+        compose(["+sweep=wrong", "hydra.searchpath=[pkg://my_lab.conf]"])
+
+
 @pytest.mark.parametrize(
     "text", ["/a b/c.npz#12345678", "it's", "a\\'b", "ends with \\", "two\\\\in", '"said"', "x,y", "{a: b}", "a=b"]
 )
