@@ -22,9 +22,10 @@ from sqlalchemy.exc import SQLAlchemyError
 from segar.cli import table
 from segar.errors import did_you_mean, naming
 from segar.experiments.commands.hydra_app import run_command, to_plain
+from segar.experiments.levels.builders import Prepared
 from segar.experiments.reproduction.grid import with_settings
 from segar.experiments.reproduction.process_pool import Job, JobResult, run_jobs
-from segar.experiments.runs.files import make_folder
+from segar.experiments.runs.executed_code import code_of, combined, executed_code
 from segar.experiments.runs.run_folder import lock, runs_root
 from segar.experiments.settings import (
     OWN_TASK,
@@ -145,10 +146,12 @@ class Search:
 
     @property
     def name(self) -> str:
-        """Levels and algorithm, with a hash of all settings that decide the trials; their number does not."""
+        """Levels and algorithm, with a hash of the code and all settings that decide the trials; their number does not."""
         settings = as_data(self.config)
         decisive = {key: settings[key] for key in ("space", "seeds", "metric", "direction")}
-        decided = digest([self.run.identity(), decisive])
+        run = with_values(self.run, {name: example_of(one) for name, one in self.space.items()})
+        code = combined(executed_code(Prepared(run)) | code_of(self.config.space))
+        decided = digest([self.run.identity(), decisive, code])
         return plain_name(f"{without_folder(self.run.levels.train)}-{self.run.algorithm.name}-{decided}")
 
 
@@ -161,15 +164,14 @@ def search(spec: Search) -> optuna.Study:
         TrainingError: all trials failed.
     """
     require(bool(spec.space), "search.space", {}, "one setting or more; search=ppo_fast has some")
-    with_values(spec.run, {name: example_of(one) for name, one in spec.space.items()})  # before anything runs
-    folder = runs_root(spec.run) / "searches" / spec.name
-    make_folder(folder)
+    name = spec.name  # which tries a value of each setting
+    folder = runs_root(spec.run) / "searches" / name
     with lock(folder):
         study = open_study(sqlite_address(folder / "trials.db"), spec)
         # An interrupted trial is to be repeated; one that failed is not.
         ended = [t for t in study.get_trials(deepcopy=False) if t.state is TrialState.COMPLETE or ERROR in t.user_attrs]
         left = max(spec.config.trials - len(ended), 0)
-        print(f"{spec.name}: {left} of {spec.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
+        print(f"{name}: {left} of {spec.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
         together = max(spec.config.processes // spec.config.seeds, 1)  # trials that run side by side
         while left > 0:
             trials = [study.ask(spec.space) for _ in range(min(left, together))]
@@ -180,6 +182,8 @@ def search(spec: Search) -> optuna.Study:
                 except ConfigError as error:  # a value of the space, or several together, are not allowed
                     record_failure(study, trial, str(error))
             outcomes = run_jobs([job for some in jobs.values() for job in some], spec.work, spec.config.processes)
+            if spec.name != name:
+                raise ConfigError(f"{name}: a file of the code changed while trials ran; give the command again")
             for trial in (one for one in trials if one.number in jobs):
                 record_trial(study, trial, [one for one in outcomes if one.job in jobs[trial.number]], spec.config)
             left -= len(trials)

@@ -3,11 +3,13 @@
 import dataclasses
 import json
 import re
+from pathlib import Path
 
 import hydra
 import pytest
 from optuna.trial import TrialState
 
+import segar
 from segar.experiments.commands.config_store import conf_dir, register_settings
 from segar.experiments.search import (
     SETTINGS,
@@ -19,7 +21,14 @@ from segar.experiments.search import (
     search,
     with_values,
 )
-from segar.experiments.settings import ConfigError, PPOConfig, RunConfig, RunFolderError, TrainingError
+from segar.experiments.settings import (
+    ConfigError,
+    PPOConfig,
+    RunConfig,
+    RunFolderError,
+    TrainingError,
+    without_files,
+)
 from tests.experiments.conftest import working_here
 
 SPACE = {
@@ -115,14 +124,35 @@ def test_trials_without_a_number_or_with_settings_that_are_not_allowed_have_fail
 
 
 def test_a_search_lies_under_its_root_or_says_why_it_cannot(tmp_path):
-    levels = dataclasses.replace(RunConfig().levels, train="/elsewhere/levels.npz#0123abcd")
-    assert Search(RunConfig(levels=levels), SearchConfig(space=SPACE)).name.startswith("levels.npz_0123abcd-ppo-")
+    segar.family("empty-easy").sample(1, 0).save(tmp_path / "levels.npz")
+    levels = dataclasses.replace(RunConfig().levels, train=without_files(f"{tmp_path}/levels.npz"), test="empty-hard")
+    name = Search(RunConfig(levels=levels, algorithm=PPOConfig()), SearchConfig(space=SPACE)).name
+    assert re.match(r"levels\.npz_[0-9a-f]+-ppo-", name)
     search(asked(tmp_path, trials=1))
     (database,) = tmp_path.glob("searches/*/trials.db")
     database.write_bytes(b"damaged" * 1000)
     for root in (tmp_path, database):
         with pytest.raises(RunFolderError, match=r"trials\.db"):
             search(asked(root))
+
+
+def edit_what_is_imported(config):
+    """Stands for a user who edits her file while its run trains."""
+    (file,) = Path(config.root).glob("searched*.py")
+    with file.open("a") as stream:
+        stream.write("far = segar.family('objectsx1-easy')\n")
+    return {"score": 1.0}
+
+
+@pytest.mark.parametrize("first", [[], ["empty-easy"]], ids=["imported by the search", "by its runs alone"])
+def test_trials_of_code_that_was_edited_are_not_compared_with_those_before(tmp_path, monkeypatch, first):
+    module = f"searched{len(first)}"
+    (tmp_path / f"{module}.py").write_text("import segar\nfar = segar.family('empty-easy')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    spec = asked(tmp_path, {"levels": {"train": {"choices": [*first, f"{module}:far"]}}})
+    said = "a file of the code changed while trials ran; give" if first else "has changed since this process imported"
+    with pytest.raises(ConfigError, match=said):
+        search(dataclasses.replace(spec, work=edit_what_is_imported))
 
 
 @pytest.mark.parametrize(
