@@ -127,8 +127,7 @@ def benchmark(config: BenchmarkConfig) -> None:
         for reference in references_of(config) if config.report else ():
             make_row(reference)
         if config.report and not config.dry_run:
-            tracked = {"tracking": as_data(config.run.tracking), "root": str(runs_root(config.run))}
-            report(config, row=name, **tracked)
+            report(config, row=name, tracking=as_data(config.run.tracking), root=str(runs_root(config.run)))
 
 
 def report(config: BenchmarkConfig, **options: Any) -> None:
@@ -418,8 +417,7 @@ def verify_rows(config: BenchmarkConfig) -> None:
     require(bool(rows), "suite", list(suites), f"one that {', '.join(config.verify)} was played on")
     for row in rows:
         began = time.monotonic()
-        say = partial(print, flush=True)
-        count = verify(row, suites, say=say, trusted=config.trusted, salt=config.salt)
+        count = verify(row, suites, say=partial(print, flush=True), trusted=config.trusted, salt=config.salt)
         print(
             f"row {row.method.name}, hash {row.hash}: {count:,} episodes are equal to the bit"
             f" ({in_minutes(time.monotonic() - began)})",

@@ -156,7 +156,7 @@ def headline_numbers(report: Report) -> dict[str, float]:
     for settings in report.subject.readings:
         read = Counter(claim.verdict(settings) for claim in report.claims)
         numbers |= {f"claims {settings}/{name}": float(read[name]) for name in verdicts.VERDICTS}
-    for mode in evidence.modes if len(evidence.main) else ():
+    for mode in evidence.modes if len(evidence.results.main) else ():
         for test in GIVEN:
             found = evidence.of_main(mode, "gap", test)
             if np.isfinite(found.estimate):

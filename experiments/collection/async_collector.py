@@ -29,12 +29,7 @@ class AsyncCollector:
     """
 
     def __init__(
-        self,
-        env: VectorEnv,
-        policy: Any,
-        num_steps: int,
-        device: torch.device,
-        joins_trials: bool = False,
+        self, env: VectorEnv, policy: Any, num_steps: int, device: torch.device, joins_trials: bool = False
     ) -> None:
         self.policy = policy
         # Without gradients also because autocast would share its casts of the weights between threads.

@@ -54,22 +54,17 @@ class Evidence:
         """The same with all runs."""
         return dataclasses.replace(self, gated=False)
 
-    @property
-    def main(self) -> pd.DataFrame:
-        """The main grid."""
-        return self.results.main
-
     @cached_property
     def modes(self) -> list[str]:
         """The W2 modes that all runs of the main grid have; the one of 2022 first."""
-        known = [m for m in DISTANCES if f"w2_{m}" in self.main]
-        return [m for m in known if np.isfinite(column(self.main, f"w2_{m}")).all()]
+        known = [m for m in DISTANCES if f"w2_{m}" in self.results.main]
+        return [m for m in known if np.isfinite(column(self.results.main, f"w2_{m}")).all()]
 
     @cached_property
     def associations(self) -> pd.DataFrame:
         """:func:`segar.analysis.stats.association.associations` of the main grid for every W2 mode and kind of gap."""
         asked = list(product(self.modes, GAPS))
-        parts = [associations(self.main, f"w2_{mode}", gap) for mode, gap in asked]
+        parts = [associations(self.results.main, f"w2_{mode}", gap) for mode, gap in asked]
         return pd.concat(parts, keys=asked, names=["w2", "gap"]).reset_index(["w2", "gap"]).reset_index(drop=True)
 
     def by_blocks(
@@ -119,10 +114,10 @@ class Evidence:
         rows = []
         for mode, (test, given), gap in product(self.modes, GIVEN.items(), ("gap", "gap_2022")):
             base: dict[str, Any] = {"w2": mode, "gap": gap, "test": test}
-            found = self.correlation(self.main, f"w2_{mode}", gap, given)
+            found = self.correlation(self.results.main, f"w2_{mode}", gap, given)
             rows.append(found.row(**base, way=BLOCKS))
             if given:
-                what = (f"{mode} {gap} {test}", self.main, f"w2_{mode}", gap, given)
+                what = (f"{mode} {gap} {test}", self.results.main, f"w2_{mode}", gap, given)
                 rows.append(self.permutation(*what).row(**base, way=PERMUTATION))
         return pd.DataFrame(rows)
 
@@ -135,15 +130,15 @@ class Evidence:
     def mixed(self) -> pd.DataFrame:
         """The primary analysis: mixed models of the gap, with and without log n; slopes per standard deviation."""
         rows = []
-        seeds = ("seed",) if count_of(self.main, "seed") > 1 else ()
+        seeds = ("seed",) if count_of(self.results.main, "seed") > 1 else ()
         for mode in self.modes:
             for gap in ("gap", "gap_2022"):
                 for x, log in (([f"w2_{mode}"], []), ([f"w2_{mode}", "n"], ["n"])):
                     base = {"w2": mode, "gap": gap, "model": f"gap ~ {' + '.join(['W2', *(['log n'] if log else [])])}"}
                     try:
-                        model = mixed_model(self.main, gap, x, (PANEL, *seeds), log=log, standardise=True)
+                        model = mixed_model(self.results.main, gap, x, (PANEL, *seeds), log=log, standardise=True)
                     except SegarError as error:
-                        rows.append(Estimate.missing(len(self.main), str(error)).row(**base, term=f"w2_{mode}"))
+                        rows.append(Estimate.missing(len(self.results.main), str(error)).row(**base, term=f"w2_{mode}"))
                         continue
                     fixed = keep(model.fixed, model.fixed["term"] != "intercept")
                     rows += [{**base, **row, "note": row["note"] or model.note} for row in fixed.to_dict("records")]
@@ -152,10 +147,10 @@ class Evidence:
     @cached_property
     def explained(self) -> pd.DataFrame:
         """R² of log W2 on panel, on log n, and on both, per mode: is W2 more than how many levels there are?"""
-        panel, log_n = indicators(list(self.main["panel"])), self.main[["log_n"]].to_numpy(np.float64)
+        panel, log_n = indicators(list(self.results.main["panel"])), self.results.main[["log_n"]].to_numpy(np.float64)
         rows = []
         for mode in self.modes:
-            y = np.log(column(self.main, f"w2_{mode}"))
+            y = np.log(column(self.results.main, f"w2_{mode}"))
             for name, x in (("panel", panel), ("log n", log_n), ("both", np.column_stack([panel, log_n]))):
                 rows.append({"w2": mode, "of": name, "r2": explained(y, x)})
         return pd.DataFrame(rows)
@@ -165,7 +160,7 @@ class Evidence:
         """How well the gap of a panel that was left out is predicted, from W2, log n and means of difficulties."""
         sets = {f"W2, {mode}": [f"w2_{mode}"] for mode in self.modes} | {"log n": ["log_n"]}
         sets |= {f"W2, {mode}, and log n": [f"w2_{mode}", "log_n"] for mode in self.modes}
-        return left_out(self.main, "gap", sets, PANEL)
+        return left_out(self.results.main, "gap", sets, PANEL)
 
     @cached_property
     def attribution(self) -> pd.DataFrame:

@@ -61,8 +61,7 @@ def with_consequence(claim: Claim, evidence: Evidence) -> Claim:
 
 def findings_of(name: str, evidence: Evidence) -> list[Finding]:
     """The findings of a claim's tests; none where the runs that it is about are missing."""
-    words = STATEMENTS["claims"][name]
-    rows = rows_of(words["evidence"], evidence)
+    rows = rows_of(STATEMENTS["claims"][name]["evidence"], evidence)
     return tested(evidence, rows, name) if len(rows) else []
 
 

@@ -31,7 +31,7 @@ SUCCESS_IN_TRIAL = "success_trial_{}_test_deterministic"
 
 def several_seeds(evidence: Evidence) -> pd.DataFrame:
     """The main grid if it has two seeds or more, else no rows."""
-    return evidence.main if count_of(evidence.main, "seed") > 1 else evidence.main.head(0)
+    return evidence.results.main if count_of(evidence.results.main, "seed") > 1 else evidence.results.main.head(0)
 
 
 def one_number_of_levels(evidence: Evidence) -> pd.DataFrame:
@@ -45,15 +45,14 @@ def one_number_of_levels(evidence: Evidence) -> pd.DataFrame:
 
 def papers_agent(evidence: Evidence) -> pd.DataFrame:
     """The runs of the paper's own agent, if all that were planned are there."""
-    there = len(evidence.all_results.of(PAPER_AGENT)) >= WHOLE[PAPER_AGENT]
     runs = evidence.results.of(PAPER_AGENT)
-    return runs if there else runs.head(0)
+    return runs if len(evidence.all_results.of(PAPER_AGENT)) >= WHOLE[PAPER_AGENT] else runs.head(0)
 
 
 def harder_levels(evidence: Evidence) -> pd.DataFrame:
     """The agents of the main grid on harder levels: ``gap_less_own`` and ``gap_2022_less_own`` beside the gap on their own
     test levels, ``return_less_trained_there`` beside the return of agents trained on the harder levels with this n and seed."""
-    harder, main = evidence.results.harder, evidence.main
+    harder, main = evidence.results.harder, evidence.results.main
     own = {f"{gap}_less_own": less_partner(harder, main, gap, ["run"]) for gap in GAPS.values()}
     at, there = ["test_family", "test_difficulty", "n", "seed"], ["family", "difficulty", "n", "seed"]
     return harder.assign(**own, return_less_trained_there=less_partner(harder, main, ETA, at, there))
@@ -61,7 +60,7 @@ def harder_levels(evidence: Evidence) -> pd.DataFrame:
 
 def probes(evidence: Evidence) -> pd.DataFrame:
     """The accuracies of the main grid."""
-    return accuracies(evidence.results, evidence.main)
+    return accuracies(evidence.results, evidence.results.main)
 
 
 def self_supervised(evidence: Evidence) -> pd.DataFrame:
@@ -88,7 +87,7 @@ def single_factors(evidence: Evidence) -> pd.DataFrame:
     asked = select(probes, representation="trained", probe="ridge", quantity="r2", levels="test")
     asked = keep(asked, asked["factor"].str.match(COORDINATES))
     known = mean_by(asked.assign(coordinates=column(asked, "estimate").clip(0)), ["run"], ["coordinates"])
-    return evidence.main.merge(known, on="run")
+    return evidence.results.main.merge(known, on="run")
 
 
 def replicated_probes(evidence: Evidence) -> pd.DataFrame:
@@ -289,7 +288,7 @@ def is_plain_ppo(algorithm: str) -> bool:
 
 # The rows that each evidence of statements.yaml stands for.
 ROWS: Mapping[str, Callable[[Evidence], pd.DataFrame]] = {
-    "main grid": lambda evidence: evidence.main,
+    "main grid": lambda evidence: evidence.results.main,
     "several seeds": several_seeds,
     "one number of levels": one_number_of_levels,
     "matched sets": lambda evidence: evidence.results.of("matched_sets"),

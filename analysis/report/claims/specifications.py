@@ -73,7 +73,7 @@ def of_rule_sets(evidence: Evidence) -> Iterator[Specification]:
 def of_diversity(evidence: Evidence) -> Iterator[Specification]:
     """Those of 5b-diversity: success or return on test levels, with one training level and without."""
     outcomes = {"success": SUCCESS, "return": ETA}
-    for (which, part), (outcome, y) in product(by_number(evidence.main, "n"), outcomes.items()):
+    for (which, part), (outcome, y) in product(by_number(evidence.results.main, "n"), outcomes.items()):
         for one in tested(evidence, part, "5b-diversity", of=y):
             if one.settings == METRIC_OURS:
                 yield "5b-diversity", "factor", "R²", outcome, which, one.found
@@ -88,7 +88,7 @@ def by_number(runs: pd.DataFrame, of: str) -> list[tuple[str, pd.DataFrame]]:
 
 def of_accuracies(evidence: Evidence) -> Iterator[Specification]:
     """The specifications of 4b-none."""
-    probed = prepared(evidence, accuracies(evidence.results, evidence.main))
+    probed = prepared(evidence, accuracies(evidence.results, evidence.results.main))
     for probe, levels, (outcome, y) in product(PROBES.values(), LEVELS, there(OUTCOMES, probed)):
         rows = select(probed, probe=probe)
         for form, n in FORMS.items():

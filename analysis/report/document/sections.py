@@ -46,7 +46,7 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
     def section(title: str, level: int, figure: str, *names: str) -> list[Block]:
         return [Heading(title, level), *drawn(figure), *boxes(*names)]
 
-    there = len(evidence.ungated.main) > 0
+    there = len(evidence.all_results.main) > 0
     blocks: list[Block] = [
         *preliminary(evidence.all_results),
         Paragraph(why(evidence, by_name), "lead"),
@@ -144,7 +144,7 @@ def why(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
 
 def levels_close(evidence: Evidence) -> str:
     """The gap in success with the fewest training levels and with the most."""
-    main = evidence.main
+    main = evidence.results.main
     counts = sorted({*main["n"]})
     if len(counts) < 2:
         return ""
@@ -212,7 +212,7 @@ def confound(evidence: Evidence) -> str:
 
 def whose_settings(evidence: Evidence) -> list[Block]:
     """The paper's setting beside ours."""
-    main = evidence.ungated.main
+    main = evidence.all_results.main
     rows = [[one["setting"], one["paper"], stated(main, one["column"], one.get("words", WORDS))] for one in SETTINGS]
     head = ("setting", "paper and code of 2022", "this main grid")
     return [Heading("What is whose"), Table(head, rows, 3, TABLES["settings"]), Paragraph(TEXTS["settings"])]

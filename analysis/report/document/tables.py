@@ -40,7 +40,7 @@ STATISTICS = ("predictions", "scores", "associations", "resampled", "mixed_model
 
 def statistics(evidence: Evidence) -> dict[str, pd.DataFrame]:
     """All tables of statistics, by the name of their CSV file."""
-    if evidence.main.empty:
+    if evidence.results.main.empty:
         return {}
     matched = evidence.results.of("matched_sets")
     compared = comparison(evidence.all_results)
@@ -53,7 +53,7 @@ def statistics(evidence: Evidence) -> dict[str, pd.DataFrame]:
         "explained": evidence.explained,
         "predictors": evidence.predictors,
         "specifications": specifications(evidence),
-        "cells": cells(evidence.ungated.main),
+        "cells": cells(evidence.all_results.main),
     }
 
 
@@ -93,9 +93,9 @@ def mixed_table(evidence: Evidence) -> Table:
 
 def gate_table(evidence: Evidence) -> Table:
     """How many runs of each panel learned, and what idle and random play reach there."""
-    everything = evidence.ungated.main
+    everything = evidence.all_results.main
     idle, chance = (evidence.all_results.player(name, "success") for name in ("idle", "random"))
-    counted = Counter(evidence.main["panel"])
+    counted = Counter(evidence.results.main["panel"])
     rows = [
         [panel_name(panel), f"{counted[panel]}", f"{len(part)}", plain(float(column(part, LEARNED_FROM).mean())),
          plain(idle.get(panel, np.nan)), plain(chance.get(panel, np.nan))]
@@ -224,7 +224,7 @@ def attributed(evidence: Evidence) -> list[Block]:
 
 def true_factors(evidence: Evidence) -> list[Block]:
     """The success of agents that see factors less that of agents that see pixels."""
-    seen, main = evidence.all_results.of("upper_bound"), evidence.ungated.main
+    seen, main = evidence.all_results.of("upper_bound"), evidence.all_results.main
     if seen.empty or main.empty:
         return []
     both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)

@@ -29,7 +29,7 @@ NO_PROBES = "the agents were not probed (`probes.parquet`)"
 
 def figure_4b(evidence: Evidence) -> Drawn:
     """Gap against the accuracy of the critic, as in the paper and corrected."""
-    probed = drawable(accuracies(evidence.results, evidence.main), NO_PROBES)
+    probed = drawable(accuracies(evidence.results, evidence.results.main), NO_PROBES)
     table = pick(probed, [*CELL, "probe", *ACCURACIES, "gap", "gap_2022"])
     parts = [(settings, select(table, probe=PROBES[settings]), GAPS[settings]) for settings in METRICS]
     return Drawn(accuracy_grid(evidence, [parts], 4.2), table)
@@ -79,10 +79,10 @@ def figure_5a(evidence: Evidence) -> Drawn:
 
 def figure_5b(evidence: Evidence) -> Drawn:
     """Training curves of the main grid."""
-    if evidence.results.curves.empty or evidence.ungated.main.empty:
+    if evidence.results.curves.empty or evidence.all_results.main.empty:
         raise NoFigure("the curves are not among the tables (`curves.parquet`)")
     curves = evidence.all_results.curves
-    chosen = select(curves, name="episode/return").merge(pick(evidence.ungated.main, ["run", *CELL]), on="run")
+    chosen = select(curves, name="episode/return").merge(pick(evidence.all_results.main, ["run", *CELL]), on="run")
     chosen = drawable(chosen, "the curves have no returns of training episodes")
     return curves_of_panels(chosen.assign(frames=binned(column(chosen, "frames"))), "training return")
 

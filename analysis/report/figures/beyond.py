@@ -197,7 +197,7 @@ def hardness(evidence: Evidence) -> Drawn:
 def upper_bound(evidence: Evidence) -> Drawn:
     """Agents that see the true factors beside those that see pixels."""
     seen = drawable(evidence.all_results.of("upper_bound"), "upper_bound")
-    main = drawable(evidence.ungated.main, "upper_bound")
+    main = drawable(evidence.all_results.main, "upper_bound")
     both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
     table = pick(both, [*CELL, "sees", SUCCESS, "gap"])
     table = keep(table, table.groupby(CELL, dropna=False)["sees"].transform("nunique") == 2)

@@ -30,14 +30,16 @@ HOLLOW: dict[str, Any] = {"facecolors": "none", "linewidths": 0.9}
 
 def figure_3a(evidence: Evidence) -> Drawn:
     """The headline: gap against W2, a row per metric, an axes per family; hollow where runs did not learn."""
-    main = drawable(evidence.ungated.main, NO_MAIN_GRID)
-    table = pick(main, [*CELL, *MEASURES, "gap_se", "run"]).assign(learned=main["run"].isin(list(evidence.main["run"])))
+    main = drawable(evidence.all_results.main, NO_MAIN_GRID)
+    table = pick(main, [*CELL, *MEASURES, "gap_se", "run"]).assign(
+        learned=main["run"].isin(list(evidence.results.main["run"]))
+    )
     return Drawn(gaps_against_w2(evidence, table, "difficulty"), table)
 
 
 def figure_3b(evidence: Evidence) -> Drawn:
     """The same runs, with the correlation of each difficulty."""
-    main = drawable(evidence.main, NO_MAIN_GRID)
+    main = drawable(evidence.results.main, NO_MAIN_GRID)
     table = pick(main, [*CELL, *MEASURES])
     return Drawn(gaps_against_w2(evidence, table, "difficulty", by_group=True), table)
 
@@ -94,7 +96,7 @@ def gaps_against_w2(evidence: Evidence, table: pd.DataFrame, group: str, by_grou
 
 def train_and_test(evidence: Evidence) -> Drawn:
     """Success on training and on test levels against the number of levels."""
-    main = drawable(evidence.ungated.main, NO_MAIN_GRID)
+    main = drawable(evidence.all_results.main, NO_MAIN_GRID)
     kinds = {"success_test_deterministic": "test levels", "success_train_deterministic": "training levels"}
     table = pick(main, [*CELL, *reversed(kinds)])
     both = [table.assign(success=table[name], on=words) for name, words in kinds.items()]

@@ -129,7 +129,7 @@ def test_tables_of_a_report_keep_all_rows_whatever_has_no_name(tmp_path):
     (table,) = (block for block in versions(named) if isinstance(block, Table))
     assert sum(int(row[-1]) for row in table.rows) == len(runs)
     by = ["family", "difficulty", "n"]
-    nameless = evidence.main.assign(family=evidence.main["family"].replace("empty", None))
+    nameless = evidence.results.main.assign(family=evidence.results.main["family"].replace("empty", None))
     with pytest.raises(SegarError, match="rows have no family"):  # intervals are over blocks of one family and seed
         means(evidence, nameless, by, "gap")
     assert cells(nameless)["seeds"].sum() == len(runs)

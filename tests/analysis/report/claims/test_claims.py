@@ -165,7 +165,7 @@ def test_regret_is_an_outcome_where_the_planner_is_known_and_falls_like_the_retu
     regret = found[(found["outcome"] == "regret") & (found["measure"] == "exact W2")]
     assert set(regret["claim"]) == {"3a-panel", "3a-n", "3a-cell"}
     regret = regret[regret["runs"] == "all"]
-    expected = evidence.correlation(evidence.main, "w2_exact", "eta_test_deterministic", ("cell",))
+    expected = evidence.correlation(evidence.results.main, "w2_exact", "eta_test_deterministic", ("cell",))
     (row,) = regret[regret["claim"] == "3a-cell"].to_dict("records")
     assert row["estimate"] == pytest.approx(expected.estimate) and row["estimate"] < 0
 
