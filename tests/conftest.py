@@ -15,6 +15,7 @@ os.environ.pop("COLUMNS", None)  # pytest-xdist says 80, where nothing is a term
 
 from hypothesis import HealthCheck, settings
 
+from segar.engine.compiler.running_kernel import RunningKernel
 from tests.agreement import summary
 
 # Machines are shared: how long an example took says nothing about the test.
@@ -42,6 +43,7 @@ COMPILED = tuple(
 )
 
 
+BESIDE = RunningKernel._is_compiled_beside  # steps go on as Python while another process compiles
 BROWSERS = {"browser", "chromium", "firefox"}  # fixtures; their tests are those of `make test-browser`
 
 
@@ -73,6 +75,8 @@ def pytest_runtest_teardown(item, nextitem) -> None:
 def pytest_runtest_setup(item) -> None:
     """Before its fixtures: whether the worlds of a test are compiled, or run as plain Python for longer than users wait."""
     os.environ["SEGAR_PATIENCE"] = "0" if item.get_closest_marker("compiled") else "3"
+    # Tests side by side leave no processor for that, and steps as Python would take from those that there are.
+    RunningKernel._is_compiled_beside = BESIDE if "test_running_kernel" in item.nodeid else lambda *_: False
 
 
 def pytest_sessionfinish(session) -> None:

@@ -41,6 +41,7 @@ def test_a_slow_arrival_is_hard_for_chance_and_not_for_the_planner():
     assert row["random_low"] <= row["random_success"] <= row["random_high"]
 
 
+@pytest.mark.compiled
 def test_measures_of_play_are_of_what_is_done_and_of_what_becomes_of_it():
     dist = family("objectsx1-medium")
     levels = dist.sample(20, seed=5)

@@ -44,6 +44,7 @@ def test_it_solves_empty_hard_sooner_than_the_script_and_its_certificates_replay
     assert found.steps.mean() < by_script.steps.mean() / 2
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", ["objectsx1-hard", "tilesx1-medium"])
 def test_it_is_never_worse_than_the_script_however_small_the_search(name):
     levels = segar.family(name).sample(30, seed=3)
