@@ -55,11 +55,11 @@ class Results:
 
     def of(self, *experiments: str) -> pd.DataFrame:
         """The runs that belong to any of the experiments, with the columns of :func:`measured`."""
-        wanted, runs = set(experiments), self.measured
+        wanted, runs = set(experiments), self.measured_runs
         return keep(runs, [bool(wanted & set(str(names).split())) for names in runs["experiments"]])
 
     @cached_property
-    def measured(self) -> pd.DataFrame:
+    def measured_runs(self) -> pd.DataFrame:
         """All runs, with the columns of :func:`measured`."""
         return measured(self.runs)
 

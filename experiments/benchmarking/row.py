@@ -424,9 +424,9 @@ def _write(
         known: the hashes of files that the folder may lack.
     """
     kept = {TABLE, *(one.file for one in pieces if one.file)}
-    made_with = [*{json.dumps(_plain(one.made_with), sort_keys=True): one.made_with for one in pieces}.values()]
-    listed = [{**dataclasses.asdict(one), "made_with": made_with.index(one.made_with)} for one in pieces]
-    data = {"format": FORMAT, **dataclasses.asdict(method), "pieces": listed, "made_with": made_with}
+    texts = [*dict.fromkeys(json.dumps(one.made_with) for one in pieces)]
+    listed = [{**dataclasses.asdict(one), "made_with": texts.index(json.dumps(one.made_with))} for one in pieces]
+    data = {"format": FORMAT, **dataclasses.asdict(method), "pieces": listed, "made_with": [*map(json.loads, texts)]}
     files = {name: file_hash(folder / name) if (folder / name).exists() else known[name] for name in sorted(kept)}
     if drawn:
         data |= {"drawn": [dataclasses.asdict(one) for one in drawn], "protocol": PROTOCOL}
