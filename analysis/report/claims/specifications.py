@@ -10,7 +10,7 @@ import pandas as pd
 from segar.analysis.report.claims.claim import METRIC_OURS
 from segar.analysis.report.claims.evidence import GIVEN_CELL, Evidence
 from segar.analysis.report.claims.prediction import MEASURES
-from segar.analysis.report.claims.rows import LEVELS, PROBES, accuracies, rows_of
+from segar.analysis.report.claims.rows import LEVELS, PROBES, rows_of
 from segar.analysis.report.claims.statements import STATEMENTS, tested
 from segar.analysis.report.claims.verdicts import is_known, is_significant
 from segar.analysis.report.results import ETA, LESS_REGRET, SUCCESS
@@ -88,7 +88,7 @@ def by_number(runs: pd.DataFrame, of: str) -> list[tuple[str, pd.DataFrame]]:
 
 def of_accuracies(evidence: Evidence) -> Iterator[Specification]:
     """The specifications of 4b-none."""
-    probed = prepared(evidence, accuracies(evidence.results, evidence.results.main))
+    probed = prepared(evidence, rows_of("probes", evidence))
     for probe, levels, (outcome, y) in product(PROBES.values(), LEVELS, there(OUTCOMES, probed)):
         rows = select(probed, probe=probe)
         for form, n in FORMS.items():

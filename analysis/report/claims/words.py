@@ -8,7 +8,7 @@ import pandas as pd
 
 from segar.analysis.plotting.names import word_for
 from segar.analysis.report.claims.evidence import Evidence, matrix
-from segar.analysis.report.claims.rows import PAPER_AGENT, SAC, rule_set_runs
+from segar.analysis.report.claims.rows import PAPER_AGENT, SAC, rows_of
 from segar.analysis.report.claims.statements import STATEMENTS, tested
 from segar.analysis.report.claims.verdicts import is_significant
 from segar.analysis.report.number_format import NONE, effect, estimate_text, plain, with_interval
@@ -99,7 +99,7 @@ def without_one_rule_set(evidence: Evidence, runs: pd.DataFrame) -> str:
 
 def fall_over_all_runs(evidence: Evidence, runs: pd.DataFrame) -> str:
     """Where success falls with more rule sets over all runs, that it does."""
-    (one,) = tested(evidence.ungated, rule_set_runs(evidence.ungated), "rule-sets-unseen")
+    (one,) = tested(evidence.ungated, rows_of("numbers of rule sets", evidence.ungated), "rule-sets-unseen")
     falls = one.found.estimate < 0 and is_significant(one.found)
     return f"Over all runs, it falls: {estimate_text(one.found)}." if falls else ""
 

@@ -13,7 +13,7 @@ from segar.analysis.plotting.figures import DOT, draw_line, entry, new_figure
 from segar.analysis.plotting.names import panel_name, word_for
 from segar.analysis.report.claims.claim import METRIC_OURS
 from segar.analysis.report.claims.evidence import Evidence
-from segar.analysis.report.claims.rows import ACCURACIES, GAPS, LEVELS, PROBES, accuracies, auxiliary
+from segar.analysis.report.claims.rows import ACCURACIES, GAPS, LEVELS, PROBES, accuracies, auxiliary, rows_of
 from segar.analysis.report.claims.scores import COMPARED, profiles
 from segar.analysis.report.claims.statements import METRICS
 from segar.analysis.report.figures.drawing import CELL, SHORT_GAP, Drawn, NoFigure, drawable, figure_of_curves
@@ -29,7 +29,7 @@ NO_PROBES = "the agents were not probed (`probes.parquet`)"
 
 def figure_4b(evidence: Evidence) -> Drawn:
     """Gap against the accuracy of the critic, as in the paper and corrected."""
-    probed = drawable(accuracies(evidence.results, evidence.results.main), NO_PROBES)
+    probed = drawable(rows_of("probes", evidence), NO_PROBES)
     table = pick(probed, [*CELL, "probe", *ACCURACIES, "gap", "gap_2022"])
     parts = [(settings, select(table, probe=PROBES[settings]), GAPS[settings]) for settings in METRICS]
     return Drawn(accuracy_grid(evidence, [parts], 4.2), table)

@@ -18,15 +18,7 @@ from segar.analysis.plotting.figures import (
 )
 from segar.analysis.plotting.names import word_for
 from segar.analysis.report.claims.evidence import DISTANCES, Evidence
-from segar.analysis.report.claims.rows import (
-    CURED_SHARE,
-    all_rule_set_runs,
-    cures,
-    doses,
-    one_number_of_levels,
-    trial_columns,
-    trial_runs,
-)
+from segar.analysis.report.claims.rows import CURED_SHARE, all_rule_set_runs, rows_of, trial_columns
 from segar.analysis.report.figures.drawing import (
     CELL,
     Drawn,
@@ -55,7 +47,7 @@ DESIGN_ORDER = ("matched", "matched_far", "matched_sparse", "matched_far_sparse"
 def fixed_n(evidence: Evidence) -> Drawn:
     """Gap against both distances at one number of levels, by design."""
     runs = drawable(evidence.results.of("fixed_n"), "fixed_n", "design")
-    judged = one_number_of_levels(evidence)
+    judged = rows_of("one number of levels", evidence)
     table = pick(runs, [*CELL, "design", "w2_reference", "w2_exact", "gap", "gap_2022"])
     figure = new_figure(PAGE_WIDTH, 4.2)
     colours, markers = (look(sorted(set(table["design"]))) for look in (style.colours, style.markers))
@@ -143,7 +135,7 @@ def rule_sets(evidence: Evidence) -> Drawn:
 
 def trials(evidence: Evidence) -> Drawn:
     """Success on unseen rule sets trial by trial, with a memory and without."""
-    runs = drawable(trial_runs(evidence), "trials")
+    runs = drawable(rows_of("trials", evidence), "trials")
     names = trial_columns(runs)
     table = pick(runs, [*CELL, "algorithm", "memory", *names])
     figure = new_figure(5.4, 3.8)
@@ -257,7 +249,7 @@ def matched_sets(evidence: Evidence) -> Drawn:
 
 def twins(evidence: Evidence) -> Drawn:
     """What training levels with one group of factors of the test cure, against what causal twins foretell and W2 says."""
-    runs = drawable(cures(evidence), "it was not run (`experiments=[twins, twins_cure]`)", "suite")
+    runs = drawable(rows_of("cures", evidence), "it was not run (`experiments=[twins, twins_cure]`)", "suite")
     names = ["suite", "group", "share", "gain", "foretold", "w2_share"]
     table = pick(runs, names).dropna().drop_duplicates(ignore_index=True)
     figure = new_figure(8.4, 3.6)
@@ -278,7 +270,7 @@ def twins(evidence: Evidence) -> Drawn:
 def dose_response(evidence: Evidence) -> Drawn:
     """The regret of agents that see states against the doses of W2 and of the covering radius of their training sets."""
     why = "it was not run, or the planner was not measured (`experiments=[dose_response, anchors]`)"
-    runs = drawable(doses(evidence), why, "design")
+    runs = drawable(rows_of("doses", evidence), why, "design")
     table = pick(runs, [*CELL, "design", "w2_dose", "radius_dose", "w2_exact", "radius", "relative_regret"])
     figure = new_figure(8.4, 3.6)
     grid = figure.subplots(1, 2, sharey=True)
