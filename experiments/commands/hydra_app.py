@@ -184,11 +184,11 @@ def initialized() -> AbstractContextManager[Any]:
 
 def compose_data(overrides: Sequence[str], config_name: str, with_hydra: bool = False) -> DictConfig:
     """Hydra's result, with the settings of Hydra if they are wanted; raises :class:`ConfigError` that names the culprit."""
-    try:
-        with unreadable_told():
+    with unreadable_told():
+        try:
             return hydra.compose(config_name, list(overrides), return_hydra_config=with_hydra)
-    except CompactHydraException as error:
-        raise ConfigError(explain_overrides(error, overrides, config_name)) from error
+        except (CompactHydraException, ValueError) as error:  # the latter of a choice that is no text
+            raise ConfigError(explain_overrides(error, overrides, config_name)) from error
 
 
 def build_run(config: DictConfig) -> RunConfig:

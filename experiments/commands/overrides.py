@@ -156,7 +156,7 @@ def alternatives_of(override: Override) -> list[str]:
     return values if is_choice(override) or override.key_or_group in (*OWN_NAMES.values(), FRAMES) else values[:1]
 
 
-def explain_overrides(error: CompactHydraException, overrides: Sequence[str], config_name: str) -> str:
+def explain_overrides(error: Exception, overrides: Sequence[str], config_name: str) -> str:
     """Which override made Hydra raise ``error``, and the nearest right name; Hydra's own message where none is found."""
     if isinstance(error, MissingConfigException) and error.options is not None:
         group, _, name = str(error.missing_cfg_file).rpartition("/")
@@ -165,6 +165,9 @@ def explain_overrides(error: CompactHydraException, overrides: Sequence[str], co
             return f"levels: {name} is a suite, and says what is played, too: {SUITE}={name}, or levels.train={name}"
         return f"no {group} is called '{name}'.{did_you_mean(name, options)}"
     parsed = parse(overrides)
+    for one in parsed:
+        if is_choice(one) and not one.is_delete() and not isinstance(one.value(), str | list):
+            return f"{one.key_or_group}: takes a name, and {one.input_line} gives none"
     try:
         choices = [str(one.input_line) for one in parsed if is_choice(one) or one.key_or_group == SEARCH_PATH]
         settings: Any = OmegaConf.to_container(hydra.compose(config_name, choices))

@@ -109,7 +109,7 @@ def calling(function: Any, *arguments: Any, **options: Any) -> Any:
         said = without_password(str(error))
         reason = without_password(first_line(error))
         kind = StoreBusy if any(word in said for word in BUSY) else TrackingError
-        message = f"MLflow refuses: {reason}. The run folder has all figures; tracking=none runs without MLflow"
+        message = f"MLflow refuses: {reason}. The run folder has what was done; tracking=none runs without MLflow"
         raise kind(message) from (error if said == str(error) else None)  # the journal has the cause, too
 
 

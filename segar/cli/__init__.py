@@ -22,12 +22,12 @@ INTERRUPTED = 128 + signal.SIGINT  # exit status after Ctrl-C, as shells have it
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command with these arguments (default: the process's) and return its exit status."""
     escape_what_cannot_be_printed()
-    if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())  # one's own modules are found; none, such as a segar.py, hides an installed one
     given = [*(sys.argv[1:] if arguments is None else arguments)]
     name = completed_command() if given[:1] and given[0] in COMPLETION else "".join(given[:1])
     registered = entry_points(group=REGISTERED)
     try:
+        if (folder := os.getcwd()) not in sys.path:
+            sys.path.append(folder)  # one's own modules are found; none, such as a segar.py, hides an installed one
         if name in registered.names:
             run_registered(registered[name], given[1:] if name in given else given)
         else:
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `segar kernel show ... | head` has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        place = f"{error.filename}: " if error.filename else ""
+        place = f"{error.filename or 'the working folder or a disk'}: "
         print(f"segar: {place}{error.strerror or error}; make room or give access, then try again", file=sys.stderr)
         return FAILURE
     return 0

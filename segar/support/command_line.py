@@ -2,6 +2,7 @@
 
 import argparse
 import io
+import os
 import sys
 from typing import Any, NoReturn
 
@@ -9,7 +10,14 @@ USAGE_ERROR = 2  # exit status of what is not known or makes no sense, as argpar
 
 
 def escape_what_cannot_be_printed() -> None:
-    """Have characters that the terminal's encoding lacks printed as escapes, where Python would end the program."""
+    """Have characters that the terminal's encoding lacks printed as escapes, where Python would end the program.
+
+    What the caller closed, as by ``>&-``, leads nowhere from now on; else the next file would be opened in its place.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        continue
+    os.close(number)
+    sys.stdout, sys.stderr = sys.stdout or os.fdopen(1, "w"), sys.stderr or os.fdopen(2, "w")
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
 

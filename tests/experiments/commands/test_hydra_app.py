@@ -303,6 +303,10 @@ def test_settings_on_both_sides_of_an_option_are_told_to_stand_on_one(monkeypatc
         (["suite=place-few-v1", "levels=empty-easy"], "suite=place-few-v1 and levels=empty-easy both say what"),
         (["suite=[place-few-v1,look-far-v1]"], "suite: takes one name, not the list .*--multirun suite=A,B"),
         (["levels=empty-easy,my_lab.levels:windy"], "levels.train=empty-easy,my_lab.levels:windy takes both"),
+        *(
+            ([f"{group}={value}"], f"^{group}: takes a name, and {group}={value} gives none$")
+            for group, value in [("tracking", "null"), ("scale", "0"), ("task", "true"), ("curriculum", "1.5")]
+        ),
         (["levels=place-few-v1"], "place-few-v1 is a suite, and says what is played, too: suite=place-few-v1"),
     ],
 )

@@ -2,6 +2,7 @@
 
 import errno
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -181,3 +182,16 @@ def test_what_the_machine_or_the_user_refuses_is_one_line(place, capsys, monkeyp
     monkeypatch.setattr("segar.envs.vector.VectorEnv.reset", refuse)
     assert outcome(shlex.split(command)) == status
     assert capsys.readouterr().err.startswith(said)
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_what_the_caller_closed_leads_nowhere_and_no_file_takes_its_place(tmp_path, closed):
+    code = "import segar.cli; end = segar.cli.main(['families']); exit(end or open('a', 'w').fileno() < 3)"
+    subprocess.run(f"{shlex.join([sys.executable, '-c', code])} {closed}", shell=True, cwd=tmp_path, check=True)
+
+
+def test_a_working_folder_that_is_gone_is_told(tmp_path):
+    command = f"rmdir {tmp_path} && {shlex.join([sys.executable, '-m', 'segar', 'families'])}"
+    told = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, text=True)
+    assert (told.returncode, told.stdout) == (1, "")
+    assert told.stderr.startswith("segar: the working folder") and len(told.stderr.splitlines()) == 1
