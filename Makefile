@@ -85,13 +85,13 @@ test test-training: $(STAMP)
 
 # A page is run by one process, and the pages are shared out.
 test-docs: $(STAMP)
-	$(PY) -m pytest -q -n 2 --dist loadgroup -m "docs and not slow" $(ARGS)
+	$(PY) -m pytest -q -n 2 --dist loadgroup -m "docs and not slow" tests $(ARGS)
 
 check-results: $(STAMP)
-	$(PY) -m pytest -q -n 2 --dist loadscope -m "results and not slow" $(ARGS)
+	$(PY) -m pytest -q -n 2 --dist loadscope -m "results and not slow" tests $(ARGS)
 
 test-slow: $(SLOW_STAMP)
-	$(PY) -m pytest -q -m slow $(ARGS)
+	$(PY) -m pytest -q -m slow tests $(ARGS)
 
 test-processors: $(STAMP)
 	.ci/processors $(PY) $(ARGS)

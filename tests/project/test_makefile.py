@@ -83,3 +83,11 @@ def test_an_old_python_is_named_with_the_way_out(checkout):
     assert "SEGAR needs Python 3.11 or newer; './fake-python' is: Python 3.9.2." in result.stdout
     assert "make setup PYTHON=python3.11" in result.stdout
     assert not (checkout / ".venv").exists()
+
+
+@pytest.mark.parametrize("target", ["test-docs", "check-results", "test-slow"])
+def test_targets_of_a_mark_also_run_tests_of_training(target):
+    """pytest's own paths are those of `make test`, which leaves tests of training to a target of theirs."""
+    printed = subprocess.run(["make", "-n", target], cwd=ROOT, text=True, capture_output=True, check=True).stdout
+    (line,) = (one for one in printed.splitlines() if "-m pytest" in one)
+    assert line.split()[-1] == "tests"

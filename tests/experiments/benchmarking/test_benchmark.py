@@ -560,19 +560,23 @@ def test_what_makes_a_row_again_are_its_own_suites_and_seeds(tmp_path):
 
 
 SHIPPED_ROWS = sorted(path.parent.name for path in SHIPPED.glob(f"*/{ROW}"))
+FETCHED = ("mbpo", "tqc")  # rows of ONNX files, none of which is in git
 
 
 @pytest.mark.results
 @pytest.mark.parametrize("name", SHIPPED_ROWS)
 def test_shipped_rows_are_what_their_hashes_say_and_a_sample_plays_again_to_the_bit(name):
     row = read_row(SHIPPED / name)
-    if name in PLAYERS or row.method.settings["observation"]["name"] == "state":
+    if name in FETCHED:
+        with pytest.raises(RunFolderError, match="not verified: seed 1 on .*segar results fetch"):
+            verify(row)
+    elif name in PLAYERS or row.method.settings["observation"]["name"] == "state":
         assert verify(row, [SUITE], [1]) >= 225
 
 
 @pytest.mark.results
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SHIPPED_ROWS)
+@pytest.mark.parametrize("name", sorted({*SHIPPED_ROWS} - {*FETCHED}))
 def test_all_of_a_shipped_row_plays_again_to_the_bit(name):
     said = []
     row = read_row(SHIPPED / name)
@@ -614,7 +618,8 @@ def test_the_library_alone_gives_the_scores_of_the_leaderboard(name, seed):
 @pytest.mark.results
 def test_shipped_rows_are_small_and_of_the_suites_that_there_are():
     rows = [read_row(SHIPPED / name) for name in SHIPPED_ROWS]
-    assert sum(path.stat().st_size for row in rows for path in row.folder.iterdir()) < 9e6
+    sizes = [sum(path.stat().st_size for path in row.folder.iterdir()) for row in rows]
+    assert max(sizes) < 1.5e6 and sum(sizes) < 20e6
     assert all(suite(piece.suite).hash == piece.suite_hash for row in rows for piece in row.pieces)
     assert {*protocol.REFERENCES} <= {*SHIPPED_ROWS}
 
