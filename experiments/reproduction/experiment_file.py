@@ -51,12 +51,11 @@ from segar.experiments.settings import (
     construct,
     is_distribution,
     one_of,
+    one_or_own,
     require,
-    require_known,
     that,
 )
 from segar.levels import RESERVED_GROUPS, SEPARATOR
-from segar.support import object_name
 
 PLAN, STUDY = "plan.json", "study.yaml"  # in a results folder: what is run, and what a study of one's own asks
 BASE = "base"  # in a grid: the algorithm, observation or task of the scale
@@ -93,12 +92,6 @@ def check_vary(place: str, vary: Mapping[str, Any]) -> None:
         require(holds, f"{place}.{name}", values, "a list of values, each once")
 
 
-def check_variation(place: str, name: str) -> None:
-    """Raises :class:`ConfigError` unless it is empty, a name, or ``module:function``."""
-    if name and ":" not in name:
-        require_known(place, name, VARIATIONS)
-
-
 def entry(about: str, default: Any = MISSING) -> Any:
     """A key of a file, of which ``--help`` and the schema of files say what it is about; required where it has no default."""
     given: dict[str, Any] = {"default_factory": dict} if default == {} else {"default": default}
@@ -126,12 +119,6 @@ COLUMNS = (
     *(f"w2_{mode}" for mode in ("exact", "exact_common", "reference", "paper")),
     *(f"{name}_{levels}" for name in ("eta", "se", "success", "death", "length", "episodes") for levels in ("train", "test")),
 )  # fmt: skip
-
-
-def check_test(place: str, name: str) -> None:
-    """Raises :class:`ConfigError` unless it is the name of a test, or ``module:function``."""
-    if object_name(name) is None:
-        require_known(place, name, TESTS)
 
 
 def check_between(place: str, between: Mapping[str, Any]) -> None:
@@ -189,7 +176,7 @@ def claim_config(claim: Any, place: str) -> ClaimConfig:
 
 
 Names = Annotated[tuple[str, ...], NOT_EMPTY, EACH_ONCE]
-VariationName = Annotated[str, check_variation]
+VariationName = Annotated[str, one_or_own(("", *VARIATIONS))]
 VariationNames = Annotated[tuple[VariationName, ...], NOT_EMPTY, EACH_ONCE]
 
 
@@ -232,7 +219,7 @@ class TransferConfig:
 
 
 Transfers = Annotated[tuple[TransferConfig, ...], check_transfers]
-Test = Annotated[str, check_test]
+Test = Annotated[str, one_or_own(TESTS)]
 Column = Annotated[str, check_column]
 Between = Annotated[Mapping[str, Any], check_between]
 

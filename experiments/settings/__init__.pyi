@@ -42,6 +42,7 @@ from .checks import (
     path_of as path_of,
     require as require,
     require_design as require_design,
+    one_or_own as one_or_own,
     require_known as require_known,
     require_seed as require_seed,
     that,
@@ -64,6 +65,7 @@ from .grid import (
     GridPoint as GridPoint,
     config_at as config_at,
     design_hash as design_hash,
+    digest as digest,
     grid_point as grid_point,
     panel_parts as panel_parts,
 )

@@ -15,6 +15,7 @@ from segar.experiments.settings.checks import (
     Widths,
     Window,
     one_of,
+    one_or_own,
     require,
     require_known,
     that,
@@ -31,15 +32,9 @@ TARGET = "_target_"  # as in Hydra: the setting that holds an import path
 NAMES_OF_CLASS = ("kind", TARGET)  # settings that name the class of an algorithm
 
 
-def require_encoder(place: str, name: str) -> None:
-    """Raises :class:`ConfigError` unless ``name`` is that of a CNN, ``mlp``, or ``module:function``."""
-    if ":" not in name:
-        require_known(place, name, (*CNNS, "mlp"))
-
-
 Precision = Annotated[str, one_of("auto", "bf16", "fp32")]
 RewardTransform = Annotated[str, one_of("none", "sqrt")]
-Encoder = Annotated[str, require_encoder]
+Encoder = Annotated[str, one_or_own((*CNNS, "mlp"))]
 EnvDevice = Annotated[str, one_of("cpu", "cuda")]
 Core = Annotated[str, one_of("gru", "lstm")]
 PredictionModel = Annotated[str, one_of("action_projection", "transition")]

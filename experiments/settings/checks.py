@@ -42,10 +42,11 @@ def require(holds: bool, place: str, value: Any, wanted: str) -> None:
         raise ConfigError(f"{place}: {value!r} is not allowed; it must be {wanted}")
 
 
-def require_known(place: str, name: str, names: Iterable[str]) -> None:
-    """Raises :class:`ConfigError` that names the nearest of ``names``, unless ``name`` is one of them."""
+def require_known(place: str, name: str, names: Iterable[str], own: bool = False) -> None:
+    """Raises :class:`ConfigError` that names the nearest of ``names``, unless ``name`` is one of them; or, with ``own``, that
+    of an object of the user's own, ``module:attribute``."""
     known = list(dict.fromkeys(names))
-    if name not in known:
+    if name not in known and not (own and ":" in name):
         raise ConfigError(f"{place}: '{name}' is unknown.{did_you_mean(name, known)}")
 
 
@@ -103,6 +104,11 @@ def that(holds: Callable[[Any], bool], wanted: str) -> InSchema:
 def one_of(*names: str) -> InSchema:
     """The check that a value is one of ``names``."""
     return InSchema(partial(require_known, names=names), {"enum": list(names)})
+
+
+def one_or_own(names: Iterable[str]) -> Check:
+    """The check that a value is one of ``names``, or ``module:attribute``."""
+    return partial(require_known, names=names, own=True)
 
 
 Count = Annotated[int, that(lambda n: n >= 1, "at least 1")]
