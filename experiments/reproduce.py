@@ -170,6 +170,8 @@ def reproduce(
     scale = config.run.scale.name
     probes = construct(ProbeConfig, config.probes.get(scale, {}), f"probes.{scale}")
     plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, probes, imported, left_out)
+    for study in plan.studies:
+        find_plugin(STUDIES, study.study)
     if finish is None and any(work.run.levels.is_endless for work in plan.runs):
         advice = "numbers, of which tables have a column; endless levels: segar sweep levels.count=10,endless"
         raise ConfigError(f"grid.counts: endless is not allowed; it must be {advice}")
@@ -179,8 +181,6 @@ def reproduce(
     print(f"Runs: {runs_root(config.run)}\nTables, report, logs: {config.folder}", flush=True)
     if config.dry_run:
         return
-    for study in plan.studies:
-        find_plugin(STUDIES, study.study)
     # Studies first: the longest takes a minute, in which other processes would be idle at the end.
     waiting: dict[str, tuple[Work, float]] = {
         one.name: (one, STUDY_SECONDS) for one in plan.studies if not is_study_done(one)

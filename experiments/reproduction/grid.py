@@ -1,6 +1,7 @@
 """The runs of an experiment's grid: every combination of what it names, as settings, and as columns of a table."""
 
 import dataclasses
+import math
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from functools import cache
 from itertools import product
@@ -18,12 +19,14 @@ from segar.experiments.settings import (
     flat,
     grid_point,
     is_distribution,
+    require,
     run_config,
 )
 
 KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
 NUMBERS_OF_LEVELS = ("n", "levels", "log_n", "cell")  # columns that say how many training levels there are
 AGENT_SEED, LEVEL_SEED = "seed of the agent", "seed of the levels"  # columns of a study's runs
+MOST_RUNS = 100_000  # of a grid; the largest of the paper has some hundreds
 KIND = ".kind"  # ends the names of columns without the settings that a grid varies
 
 
@@ -34,23 +37,16 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
     how many level sets there are; then each of them has all agents. Where level sets are not ``nested``, the seeds go on from
     one number of levels to the next.
     """
-    scale = base.scale
+    scale, names = base.scale, list(grid.vary)
+    panels = list(panels_of(grid.families or scale.families, grid.difficulties or scale.difficulties))
+    kinds = (grid.algorithms, grid.observations, grid.tasks, grid.variations, grid.designs, panels)
+    counts, number = grid.counts or scale.counts, (grid.seeds or scale.seeds) * (grid.level_sets or 1)
+    number *= math.prod(map(len, (*grid.vary.values(), *kinds, counts)))
+    require(number <= MOST_RUNS, "grid", f"{number} runs", f"at most {MOST_RUNS:,} runs")
     seeds = range(base.seed, base.seed + (grid.seeds or scale.seeds))
     sets = range(base.seed, base.seed + (grid.level_sets or 0))
-    counts = grid.counts or scale.counts
-    names, values = list(grid.vary), product(*grid.vary.values())
-    panels = list(panels_of(grid.families or scale.families, grid.difficulties or scale.difficulties))
-    places = product(
-        product(seeds, sets) if grid.level_sets else ((seed, seed) for seed in seeds),
-        list(values),
-        grid.algorithms,
-        grid.observations,
-        grid.tasks,
-        grid.variations,
-        grid.designs,
-        panels,
-        enumerate(counts),
-    )
+    pairs = product(seeds, sets) if grid.level_sets else ((seed, seed) for seed in seeds)
+    places = product(pairs, product(*grid.vary.values()), *kinds, enumerate(counts))
     frames = grid.frames or scale.frames
     interval = base.evaluation.interval if grid.interval is None else grid.interval
     for (seed, level_set), varied, algorithm, observation, task, variation, design, panel, (k, n) in places:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from segar.cli import table
-from segar.errors import SegarError
 from segar.experiments.evaluation.probing import ProbeConfig
 from segar.experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
 from segar.experiments.levels.builders import Prepared
@@ -40,7 +39,7 @@ from segar.experiments.runs.run_folder import (
     run_folders,
     runs_root,
 )
-from segar.experiments.settings import ConfigError, RunConfig, RunFolderError, ScaleConfig, grid_point
+from segar.experiments.settings import ConfigError, RunConfig, RunFolderError, ScaleConfig, grid_point, require
 from segar.levels import REST, SEPARATOR
 from segar.support import counted
 
@@ -135,6 +134,9 @@ def make_plan(
     check_transfers(union.values())
     for experiment in experiments:
         check_claims(experiment, members[experiment.name])
+        works, vary = members[experiment.name], [*experiment.grid.vary] if experiment.grid else []
+        is_each_another = not vary or len({one.run.label() for one in works}) == len(works)
+        require(is_each_another, f"grids.{experiment.name}.grid.vary", vary, "settings that make another run of each")
     changed = changed_code(union.values())
     for label, work in union.items():
         anew = changed.tested if work.run.stale == "anew" else {}
@@ -292,12 +294,12 @@ def measure_speeds(root: Path) -> Speeds:
         in_one_go = [entry["event"] for entry in journal] == ["started", "finished"]
         if not (in_one_go and journal[0].get("host") == socket.gethostname() and is_finished(folder)):
             continue
-        with suppress(SegarError):  # a run of somebody else, or by code that is gone, is nothing to a plan
+        with suppress(ValueError, TypeError):  # a run of somebody else, or by code that is gone, is nothing to a plan
             summary, kind = read_summary(folder), kind_of(read_config(folder))
             if summary["seconds"]:
                 begun, ended = (datetime.fromisoformat(entry["time"]) for entry in journal)
-                frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
                 beside.setdefault(kind, []).append(max((ended - begun).total_seconds() - summary["seconds"], 0.0))
+                frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
     by_kind = [{kind: statistics.median(values) for kind, values in found.items()} for found in (frames, beside)]
     return Speeds(by_kind[0], by_kind[1], sum(map(len, frames.values())))
 

@@ -52,6 +52,12 @@ def test_a_setting_that_no_file_states_is_told(tmp_path):
         plan_of(tmp_path, mine={**MAIN, "grid": {"algorithms": ["curl_fst"]}})
 
 
+def test_a_setting_that_makes_no_other_run_does_not_vary(tmp_path):
+    grid = {"counts": [1], "difficulties": ["easy"], "vary": {"root": [str(tmp_path / "a"), str(tmp_path / "b")]}}
+    with pytest.raises(ConfigError, match=r"mine.grid.vary: \['root'\] is not allowed; it must be settings that"):
+        plan_of(tmp_path, mine={**MAIN, "grid": grid})
+
+
 def test_a_transfer_that_two_entries_name_for_some_agents_is_one(tmp_path):
     grid = {**MAIN["grid"], "counts": [10], "difficulties": ["easy", "medium"]}
     data = {**MAIN, "grid": grid, "transfers": [{"difficulty": "harder"}, {"difficulty": "hard"}]}
@@ -179,6 +185,8 @@ def test_speeds_are_medians_of_what_this_machine_ran(tmp_path):
         ]
         lines = [json.dumps({"event": event, "host": host, "time": time}) + "\n" for event, time in events]
         (folder / JOURNAL).write_text("".join(lines))
+    lines[0] = json.dumps({"event": "started", "host": socket.gethostname(), "time": "2026-01-01"}) + "\n"
+    (folder / JOURNAL).write_text("".join(lines))  # as nobody writes it: without a zone
     theirs = tmp_path / "theirs"  # whose settings name code that is not here, which is nothing to a plan
     shutil.copytree(folder_path(plan.runs[0].run), theirs)
     (theirs / CONFIG).write_text((theirs / CONFIG).read_text().replace("name: state", "name: not_here:Eyes"))

@@ -253,6 +253,12 @@ def test_any_setting_varies(tmp_path):
         runs_of(tmp_path, vary={"seed.of_levels": [1]})
 
 
+@pytest.mark.parametrize("grid", [{"seeds": 10**9}, {"level_sets": 10**30}])
+def test_a_grid_that_does_not_end_is_refused_at_once(tmp_path, grid):
+    with pytest.raises(ConfigError, match=r"grid: '[0-9]+ runs' is not allowed; it must be at most 100,000 runs"):
+        runs_of(tmp_path, **grid)
+
+
 def test_a_group_of_settings_that_varies_is_replaced_whole(tmp_path):
     groups = [{"reward": "linear"}, {}]
     base = {"task.options": {"max_steps": 7}}
