@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from itertools import chain, repeat
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -56,8 +56,8 @@ def check_replay(dataset: Any, *, observation: Any = None, task: Task | None = N
             played = np.array([int(one.infos["level"][0]) for one in recorded[:: recipe.trials]])
             actions = _steps_of([one.actions for one in recorded], recipe.trials)
         env = VectorEnv(levels, n, observation=observation or "state", task=task, world=world, **limits)
-        again = roll_out(env, played, recipe.seed_of(batch), lambda observations, actions=actions: next(actions))
         try:
+            again = roll_out(env, played, recipe.seed_of(batch), lambda observations, actions=actions: next(actions))
             for number, there, here in zip(numbers, recorded, again, strict=True):
                 _compare(f"episode {number}", there, here, observation is not None)
                 steps += len(here)
@@ -77,7 +77,13 @@ def _steps_of(recorded: list[np.ndarray], trials: int) -> Iterator[np.ndarray]:
     whole = np.zeros((max(map(len, rows)), len(rows), recorded[0].shape[1]), np.float32)
     for row, actions in enumerate(rows):
         whole[: len(actions), row] = actions
-    return chain(whole, repeat(np.zeros_like(whole[0])))
+    return chain(whole, _after_the_end())
+
+
+def _after_the_end() -> Iterator[np.ndarray]:
+    """What is asked for where an episode goes on after all recorded ones have ended: raises :class:`SegarError`."""
+    raise SegarError("an episode has another length when its actions are played again")
+    yield
 
 
 def _compare(where: str, there: Any, here: Episode, with_observations: bool) -> None:

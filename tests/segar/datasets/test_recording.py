@@ -126,6 +126,15 @@ def test_a_replay_with_another_task_is_refused(recorded):
         check_replay(recorded, task=segar.puttputt(impulse=1.0))
 
 
+def test_a_replay_ends_where_the_recording_does(recorded, root):
+    shutil.copytree(recorded.storage.data_path, root / "long-v0" / "data")
+    path = root / "long-v0" / "data" / "metadata.json"
+    whole = json.loads(path.read_text())
+    path.write_text(json.dumps({**whole, "segar": {**whole["segar"], "max_steps": 10**9}}))
+    with pytest.raises(segar.SegarError, match="an episode has another length when its actions are played again"):
+        check_replay(minari.load_dataset("long-v0"))
+
+
 def test_a_dataset_of_another_program_has_no_recipe(recorded, root):
     shutil.copytree(recorded.storage.data_path, root / "other-v0" / "data")
     path = root / "other-v0" / "data" / "metadata.json"
