@@ -165,7 +165,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
         if not is_finished(folder):
             missing.append((name, "not finished" if folder.exists() else "not begun", one.experiments[0]))
             continue
-        config, summary = read_config(folder), read_summary(folder)
+        summary = read_summary(folder, config := read_config(folder))
         place = run_columns(config, name)
         episodes = read_episodes(folder)
         place |= varied_columns(config, varied)

@@ -52,7 +52,7 @@ def run_row(
         **figures_of_run(summary, episodes),
         "hours": seconds / 3600,
         "finished": ends[-1] if ends else "",
-        **software(read_versions(folder)),
+        **software(read_versions(folder, begun=True)),
     }
 
 

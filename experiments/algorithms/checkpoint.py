@@ -21,10 +21,10 @@ from segar.experiments.algorithms.learner import Learner
 from segar.experiments.runs.executed_code import differing_parts
 from segar.experiments.runs.files import replacing, write_bytes
 from segar.experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
-from segar.experiments.settings import CheckpointError, RunConfig, TrainingError
+from segar.experiments.settings import CheckpointError, RunConfig, TrainingError, digest
 from segar.support import damage_told, misfit, opened
 
-FORMAT = 1
+FORMAT = 2  # since then, the comment of a file is the sum over its parts
 TRAIN_ANEW = "restart=true trains anew"
 FORM = {
     "config": str,
@@ -32,7 +32,7 @@ FORM = {
     "frames": int,
     "policy": {str: torch.Tensor},
     "learner": {},
-    "extra": {"seconds": float, "rows?": int, "played?": int},
+    "extra": {"seconds": float, "rows?": int, "played?": int, "figures?": str},
 }
 """What a checkpoint holds; see :func:`segar.support.misfit`."""
 
@@ -64,6 +64,8 @@ def save_checkpoint(
     }
     buffer = io.BytesIO()  # a full disk would end torch.save's own writing with an error that names no cause
     torch.save(content, buffer)
+    with zipfile.ZipFile(buffer, "a") as parts:
+        parts.comment = _sum(parts)
     path = folder / CHECKPOINT
     if path.exists():
         with replacing(folder / PREVIOUS) as beside:
@@ -91,8 +93,7 @@ def resume_checkpoint(
             f"the checkpoint {path} was written by another configuration ({content['config']} there, {config.hash} here). "
             "Go back to that configuration, or train anew with restart=true"
         )
-    differing = differing_parts(content["code"], code)
-    if differing:
+    if differing := differing_parts(content["code"], code):
         raise CheckpointError(
             f"{path} was written by other code: {', '.join(differing)} changed since. Go back to the code that wrote it, "
             "or train anew with stale=anew"
@@ -171,14 +172,20 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
             raise zipfile.BadZipFile(f"the sum over {odd} is wrong")
         file.seek(0)
         content = torch.load(file, map_location="cpu", weights_only=True)
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
+    if not isinstance(content, dict) or content.get("format") not in (1, FORMAT):
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise CheckpointError(
             f"the checkpoint {path} has format {found!r}; this version reads format {FORMAT}. {TRAIN_ANEW}"
         )
-    if wrong := misfit(content, FORM):
+    is_changed = content["format"] == FORMAT and parts.comment != _sum(parts)
+    if wrong := misfit(content, FORM) or is_changed * "something else than a run wrote it, or changed it":
         raise CheckpointError(f"the checkpoint {path} is damaged or none of ours: {wrong}. {TRAIN_ANEW}")
     return content
+
+
+def _sum(parts: zipfile.ZipFile) -> bytes:
+    """A sum over names, sizes and sums of the parts of a file, which are not what they were where somebody edited one."""
+    return digest([(part.filename, part.file_size, part.CRC) for part in parts.infolist()]).encode()
 
 
 def _link(path: Path, other: Path) -> None:

@@ -286,9 +286,8 @@ def _check_drawn(path: Path, data: Mapping[str, Any], drawn: Sequence[Drawn]) ->
         if one.file[:DIGITS] != data["files"].get(file, ""):
             raise RunFolderError(f"{where}: its file has the SHA-256 {data['files'].get(file)}..., not {one.file}")
         chance, most = one.random / RANDOM_PLAYS, one.count
-        if not (
-            0 <= one.solved <= most and 0 <= chance < one.planner <= most and min(one.steps, one.planner_steps) >= 0
-        ):
+        steps = min(one.steps, one.planner_steps)
+        if not (0 <= one.solved <= most and 0 <= chance < one.planner <= most and steps >= 0):
             raise RunFolderError(
                 f"{where}: {one.solved} solved of {most}, random {chance:g}, planner {one.planner} cannot be"
             )
@@ -301,9 +300,8 @@ def _checked(path: Path, schema: pa.Schema, pieces: Sequence[Piece]) -> pa.Table
     if table.schema.names != schema.names:
         raise RunFolderError(f"{path}: it has other columns than {', '.join(schema.names)}")
     for one in schema:
-        is_number = pa.types.is_floating(one.type)
-        if table[one.name].null_count or (is_number and not np.isfinite(table[one.name]).all()):
-            raise RunFolderError(f"{path}: some values in the column '{one.name}' are absent or not finite")
+        if pa.types.is_floating(one.type) and not np.isfinite(table[one.name]).all():
+            raise RunFolderError(f"{path}: some values in the column '{one.name}' are not finite")
     there = {tuple(one.values()) for one in table.group_by([*KEYS, "levels"]).aggregate([]).to_pylist()}
     stated = {(one.suite, one.seed, name) for one in pieces for name in one.levels}
     tests = {(one.suite, one.seed, "test") for one in pieces}
@@ -320,13 +318,9 @@ def _description(path: Path) -> dict[str, Any]:
     if data["format"] != FORMAT or data["kind"] not in KINDS:
         raise RunFolderError(f"{path}: format {data['format']}, kind '{data['kind']}' is not what this version reads")
     if not NAME.fullmatch(data["name"]):
-        raise RunFolderError(
-            f"{path}: name: {shown(data['name'])} is none; it must be of letters, digits, spaces and _ . + -"
-        )
+        raise RunFolderError(f"{path}: name: {shown(data['name'])} must be of letters, digits, spaces and _ . + -")
     if (data["kind"] == "player") != (data["name"] in PLAYERS):
-        raise RunFolderError(
-            f"{path}: rows of players, and no others, are called {', '.join(PLAYERS)}; name: {data['name']}"
-        )
+        raise RunFolderError(f"{path}: rows of players alone are called {', '.join(PLAYERS)}; name: {data['name']}")
     if any(not 0 <= one["made_with"] < len(data["made_with"]) for one in data["pieces"]):
         raise RunFolderError(f"{path}: a piece was made with what made_with does not list")
     if not 0 < len({(one["suite"], one["seed"]) for one in data["pieces"]}) == len(data["pieces"]):

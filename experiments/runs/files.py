@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from segar import support
@@ -88,18 +89,22 @@ def read_table(path: Path, columns: Sequence[str] | None = None, schema: pa.Sche
             memory than the limit.
     """
     table = support.read_table(path, "table", RunFolderError, columns)
+    about = {key: text for key, text in (table.schema.metadata or {}).items() if key != b"pandas"}
+    table = table.replace_schema_metadata(about or None)  # pandas believes what it says of types, whoever wrote it
     return table if schema is None else typed(path, table, schema)
 
 
 def typed(path: Path, table: pa.Table, schema: pa.Schema) -> pa.Table:
     """The table of the file ``path`` with the columns of ``schema`` in its types; others are left as they are. Raises
-    :class:`RunFolderError` where a column is missing or of another kind."""
+    :class:`RunFolderError` where a column is missing or of another kind, a value is absent, or a whole number below 0."""
     for one in schema:
         place, names = table.schema.get_field_index(one.name), table.schema.names
         if place < 0:
             raise RunFolderError(f"{path} has no column '{one.name}', or several.{did_you_mean(one.name, names)}")
         try:
-            table = table.set_column(place, one, table.column(place).cast(one.type))
+            table = table.set_column(place, one, column := table.column(place).cast(one.type))
         except pa.ArrowException as error:
             raise RunFolderError(f"{path}: its column '{one.name}' is of another kind: {first_line(error)}") from error
+        if column.null_count or (pa.types.is_integer(one.type) and pc.any(pc.less(column, 0)).as_py()):
+            raise RunFolderError(f"{path}: in its column '{one.name}' something is absent or below 0; restore the file")
     return table

@@ -36,10 +36,10 @@ class Journal:
         before = read_journal(self.path.parent)
         if before and before[-1]["event"] == "started":
             last = before[-1]
-            self.note("lost", process=last["process"], host=last["host"])
+            self.note("lost", **{name: last[name] for name in ("process", "host") if name in last})
             message = (
-                f"the process before this one ({last['process']} on {last['host']}, begun {last['time']}) ended without "
-                "a word: killed, out of memory, or a power cut"
+                f"the process before this one ({last.get('process', '?')} on {last.get('host', '?')}, begun {last['time']})"
+                " ended without a word: killed, out of memory, or a power cut"
             )
         self.note("started", process=os.getpid(), host=socket.gethostname())
         return message

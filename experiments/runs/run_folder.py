@@ -31,7 +31,7 @@ from typing import Any
 import pyarrow as pa
 import yaml
 
-from segar.experiments.runs.files import absolute_path, read_json, read_table, write_parquet, write_text
+from segar.experiments.runs.files import absolute_path, read_json, read_table, typed, write_parquet, write_text
 from segar.experiments.runs.own_modules import folders_of, modules_named, own_packages
 from segar.experiments.runs.trust import settings_of_file, signed
 from segar.experiments.settings import ConfigError, RunConfig, RunFolderError, as_data, run_config, without_password
@@ -271,12 +271,19 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
         raise RunFolderError(f"cannot read the settings of a run from {path}: {error}") from error
 
 
-def read_summary(folder: Path) -> dict[str, Any]:
-    """The final figures; raises :class:`RunFolderError` if the run is not finished."""
+def read_summary(folder: Path, config: RunConfig | None = None) -> dict[str, Any]:
+    """The final figures; raises :class:`RunFolderError` if the run is not finished, or is not the one of these settings."""
     path = Path(folder) / SUMMARY
     if not path.exists():
         raise RunFolderError(f"the run in {folder} is not finished: there is no {SUMMARY}")
-    return read_json(path, {"frames": int, "seconds": float, "evaluation_seconds?": float})
+    summary = read_json(path, {"frames": int, "seconds": float, "evaluation_seconds?": float})
+    if min(summary[name] for name in ("frames", "seconds", "evaluation_seconds") if name in summary) < 0:
+        raise RunFolderError(f"{path}: frames and seconds cannot be below 0; restore the file")
+    if config is not None and summary.get("label", own := config.label()) != own:
+        raise RunFolderError(
+            f"{folder / CONFIG} was edited: its settings are those of {own}, not of {summary['label']}"
+        )
+    return summary
 
 
 def read_evaluation(place: Path) -> dict[str, Any] | None:
@@ -294,20 +301,26 @@ def of_another_agent(folder: Path, evaluation: Mapping[str, Any]) -> str:
     return "" if frames in (None, own) else f" is of the agent after {frames:,} frames, and the run has {own:,}"
 
 
-def read_versions(folder: Path) -> dict[str, Any]:
-    """Libraries, commit, code fingerprint and level hashes of the run; empty before it has begun."""
+def read_versions(folder: Path, begun: bool = False) -> dict[str, Any]:
+    """Libraries, commit, code fingerprint and level hashes of the run; empty before it has begun, unless it must have
+    ``begun``: then :class:`RunFolderError` says that the file is not there."""
     path = Path(folder) / VERSIONS
-    return read_json(path, VERSIONS_FORM) if path.exists() else {}
+    return read_json(path, VERSIONS_FORM) if begun or path.exists() else {}
 
 
 def read_episodes(folder: Path) -> pa.Table:
     """The evaluation episodes, :data:`EPISODE_SCHEMA`, of a run or of an evaluation; raises :class:`RunFolderError`."""
-    return read_table(Path(folder) / EPISODES, schema=EPISODE_SCHEMA)
+    table = read_table(path := Path(folder) / EPISODES, schema=EPISODE_SCHEMA)
+    trial = pa.schema([("trial", pa.int64())])  # which stands beside them where there are several on a level
+    return typed(path, table, trial) if "trial" in table.schema.names else table
 
 
 def read_metrics(folder: Path) -> pa.Table:
     """The figures over time, :data:`METRIC_SCHEMA`; raises :class:`RunFolderError` if they are not readable."""
-    return read_table(Path(folder) / METRICS, schema=METRIC_SCHEMA)
+    table = read_table(path := Path(folder) / METRICS, schema=METRIC_SCHEMA)
+    if is_finished(folder) and max(table["frames"].to_pylist(), default=0) != read_summary(folder)["frames"]:
+        raise RunFolderError(f"{path} does not end with the run, whose frames {SUMMARY} says; restore the file")
+    return table
 
 
 def read_played(folder: Path) -> pa.Table:
@@ -321,7 +334,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema)
     table = pa.Table.from_pylist(list(rows), schema=schema)
     more = [name for name in (rows[0] if rows else ()) if name not in schema.names]
     for name in more:
-        table = table.append_column(name, pa.array([row[name] for row in rows]))
+        table = table.append_column(name, pa.array([row.get(name) for row in rows]))
     write_parquet(path, table)
 
 

@@ -42,6 +42,7 @@ from segar.experiments.runs.run_folder import (
 )
 from segar.experiments.runs.versions import computed_with
 from segar.experiments.settings import ACTION_MODES, LevelsConfig, RunConfig, RunFolderError, flat
+from segar.support import misfit
 
 FINISHED = "finished"
 UNREADABLE = "unreadable"
@@ -269,7 +270,7 @@ def figures_of_run(summary: Mapping[str, Any], episodes: pa.Table | None) -> dic
     rows = episodes.to_pylist() if episodes is not None and lacking else []
     for levels, mode in product(lacking, ACTION_MODES):
         summary |= result_figures(rows, levels, mode)
-    named: dict[str, float] = {_column(k): value for k, value in summary.items() if isinstance(value, int | float)}
+    named = {_column(key): one for key, one in summary.items() if misfit(one, (bool, int, float)) is None}
     return named | (performance(episodes) if episodes is not None else {})
 
 
@@ -288,8 +289,7 @@ def state_of(folder: Path) -> str:
         return FINISHED
     if is_locked(folder):
         return "at work"
-    journal = read_journal(folder)
-    last = journal[-1] if journal else {"event": "not begun"}
+    *_, last = {"event": "not begun"}, *read_journal(folder)
     word = "cut off" if last["event"] in ("started", "lost") else last["event"]
     return f"{word} after {last['frames']:,} frames" if last.get("frames") else word
 
@@ -310,7 +310,7 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
             return RunRow(folder, state, problem, settings, sweeps=sweeps, name=config.label())
         about = read_versions(folder)
         parts = about.get("code", {})
-        figures, seen = _figures(folder), _seen(folder, config.levels, about)
+        figures, seen = _figures(folder, config), _seen(folder, config.levels, about)
         scores, unscored, planner = _score(folder, config)
         made_with, figures = computed_with(about), figures | scores
         known = {"seen": seen, "unscored": unscored, "planner": planner, "name": config.label()}
@@ -336,9 +336,9 @@ def _seen(folder: Path, levels: LevelsConfig, about: Mapping[str, Any]) -> float
     return share_of(prints_in(folder / LEVELS_TEST), prints_in(folder / LEVELS_TRAIN))
 
 
-def _figures(folder: Path) -> dict[str, float]:
+def _figures(folder: Path, config: RunConfig) -> dict[str, float]:
     """The figures of a finished run that are known."""
-    summary = read_summary(folder)
+    summary = read_summary(folder, config)
     found = figures_of_run(summary, read_episodes(folder) if (folder / EPISODES).exists() else None)
     return {name: value for name, value in found.items() if np.isfinite(value)}
 
@@ -370,7 +370,7 @@ def _column(key: str) -> str:
         return f"{'eta' if quantity == ['return'] else '/'.join(quantity)}_{levels}_{mode}"
     if group == "evaluation":
         return "_".join(rest)
-    return f"w2_{rest[0]}" if group == "w2" else key.removeprefix("diversity/")
+    return "_".join(["w2", *rest]) if group == "w2" else key.removeprefix("diversity/")
 
 
 def _place(name: str) -> tuple[Any, ...]:

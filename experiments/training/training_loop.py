@@ -20,12 +20,13 @@ from segar.experiments.runs.run_folder import (
     METRIC_SCHEMA,
     METRICS,
     PLAYED,
+    VERSIONS,
     read_metrics,
     read_played,
     read_versions,
     write_rows,
 )
-from segar.experiments.settings import CheckpointError, RunConfig, TrainingError
+from segar.experiments.settings import CheckpointError, RunConfig, TrainingError, digest
 from segar.experiments.training.progress import Progress
 
 
@@ -62,10 +63,10 @@ class Training:
         if extra is None:
             return
         # The fingerprint of the code does not cover a user's module that defines levels.
-        if read_versions(self.folder)["levels"] != hashes:
+        if read_versions(self.folder, begun=True).get("levels") != hashes:
             raise CheckpointError(
                 f"the run in {self.folder} was begun on other levels than those that {self.config.levels.train} gives "
-                "now. Go back to that definition, or train anew with restart=true"
+                f"now, or its {VERSIONS} was changed. Go back to that definition, or train anew with restart=true"
             )
         self.seconds = extra["seconds"]
         frames = self.journal.frames = self.learner.frames
@@ -74,6 +75,10 @@ class Training:
         if self.chosen is not None:
             self.chosen.load_state_dict(extra["levels"])
             self.chosen.log.rows = read_played(self.folder).to_pylist()[: extra.get("played")]
+        if extra.get("figures", now := digest(self.rows)) != now:
+            raise CheckpointError(
+                f"{self.folder / METRICS} is not that of the checkpoint: restore it, or set restart=true"
+            )
         say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
 
     def train(self) -> None:
@@ -126,7 +131,7 @@ class Training:
         """Writes metrics and checkpoint; raises :class:`RunFolderError`, and :class:`TrainingError` as :meth:`train`."""
         # Metrics first: a resumed run drops rows that are newer than its checkpoint, but cannot restore missing rows.
         self.write_figures()
-        extra: dict[str, Any] = {"seconds": self.seconds, "rows": len(self.rows)}
+        extra: dict[str, Any] = {"seconds": self.seconds, "rows": len(self.rows), "figures": digest(self.rows)}
         if self.chosen is not None:
             extra |= {"levels": self.chosen.state_dict(), "played": len(self.chosen.log.rows)}
         save_checkpoint(self.folder, self.config, self.learner, extra, self.code)

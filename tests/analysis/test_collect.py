@@ -7,17 +7,27 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from segar.analysis.collect import CollectConfig, collect, collect_tables
-from segar.analysis.collected_rows import software
+from segar.analysis.collected_rows import curve_rows, level_rows, software
 from segar.analysis.plotting.style import colours
 from segar.errors import SegarError
 from segar.experiments.reproduce import ReproduceConfig, write_plan
 from segar.experiments.reproduction.experiment_file import experiment_at
 from segar.experiments.reproduction.plan import make_plan
 from segar.experiments.runs.executed_code import combined
-from segar.experiments.runs.run_folder import PROBES, SUMMARY, VERSIONS, folder_path, write_json
+from segar.experiments.runs.run_folder import (
+    EPISODES,
+    METRICS,
+    PROBES,
+    SUMMARY,
+    VERSIONS,
+    folder_path,
+    read_episodes,
+    write_json,
+)
 from segar.experiments.settings import RunFolderError, ScaleConfig, TrackingConfig, TrackingError
 from tests.synthetic_runs import MADE_WITH, settings, write_run, write_transfer
 
@@ -188,6 +198,20 @@ def test_what_is_wrong_with_a_plan_or_a_run_is_named(made, tmp_path, path, chang
     with pytest.raises(SegarError, match=f"{file.name}: .*{why}"):
         collect(CollectConfig(str(results)))
     assert not list(tmp_path.rglob("elsewhere*"))
+
+
+def test_what_pandas_wrote_of_a_table_is_not_believed_and_figures_end_with_the_run(made, tmp_path):
+    folder = next(path.parent for path in Path(made[0].run.root).glob(f"*/{METRICS}"))
+    shutil.copytree(folder, tmp_path / "run")
+    for name in (METRICS, EPISODES):
+        table = pq.read_table(folder / name)
+        pq.write_table(table.replace_schema_metadata({b"pandas": b"no JSON"}), tmp_path / "run" / name)
+    place = {"run": "x", "test": "own"}
+    assert curve_rows(tmp_path / "run", place).equals(curve_rows(folder, place))
+    assert level_rows(read_episodes(tmp_path / "run"), place).equals(level_rows(read_episodes(folder), place))
+    pq.write_table(pq.read_table(folder / METRICS).slice(0, 0), tmp_path / "run" / METRICS)
+    with pytest.raises(SegarError, match=f"{METRICS} does not end with the run"):
+        curve_rows(tmp_path / "run", place)
 
 
 def test_tables_of_others_do_not_choose_where_anything_is_sent(made, tmp_path):

@@ -76,7 +76,7 @@ def test_a_checkpoint_of_another_network_is_refused(saved):
 def test_a_file_that_is_no_checkpoint_is_refused(tmp_path):
     path = tmp_path / "other.pt"
     torch.save({"weights": torch.zeros(3)}, path)
-    with pytest.raises(CheckpointError, match=r"other\.pt has format None; this version reads format 1"):
+    with pytest.raises(CheckpointError, match=r"other\.pt has format None; this version reads format 2"):
         read_checkpoint(path)
     with pytest.raises(CheckpointError, match="is no checkpoint: it is a folder"):
         read_checkpoint(tmp_path)
@@ -105,7 +105,7 @@ def as_file(content) -> bytes:
 
 def crafted(path):
     """Checkpoints with other content, as bytes."""
-    whole = torch.load(path, weights_only=True)
+    whole = torch.load(path, weights_only=True) | {"format": 1}
     outline = {name: part for name, part in whole.items() if name not in ("policy", "learner")}
     for what, changed in crafted_descriptions(outline):
         yield what, as_file(changed | {name: whole[name] for name in ("policy", "learner")})

@@ -165,7 +165,7 @@ def test_texts_that_no_page_should_show_are_refused_by_their_names(idle):
 
 @pytest.mark.parametrize("changes", [{"name": "mine"}, {"kind": "onnx"}, {"name": "oracle", "kind": "player"}])
 def test_only_players_make_the_rows_that_others_are_measured_by(idle, changes):
-    with pytest.raises(RunFolderError, match=r"row\.json: rows of players, and no others, are called idle, random,"):
+    with pytest.raises(RunFolderError, match=r"row\.json: rows of players alone are called idle, random,"):
         edited(idle, **changes)
 
 

@@ -16,6 +16,7 @@ from segar.analysis.runs import read_runs
 from segar.experiments.results import results
 from segar.experiments.runs.run_folder import (
     EPISODES,
+    SUMMARY,
     VERSIONS,
     read_episodes,
     read_metrics,
@@ -270,9 +271,24 @@ def test_a_run_that_cannot_be_read_is_a_row_that_says_why(tmp_path, capsys):
     for damaged, why in (
         (table.drop_columns("success"), "has no column 'success', or several"),
         (table.set_column(3, "return", pa.array(["x"] * len(table))), "its column 'return' is of another kind"),
+        (table.set_column(3, "return", pa.nulls(len(table))), "in its column 'return' something is absent or below 0"),
+        (
+            table.set_column(5, "length", pa.array([-3] * len(table))),
+            "in its column 'length' something is absent or below 0",
+        ),
+        (table.append_column("trial", pa.array([{"a": 1}] * len(table))), "its column 'trial' is of another kind"),
     ):
         pq.write_table(damaged, tmp_path / "c" / EPISODES)
         assert f"c: {tmp_path}/c/{EPISODES}" in (said := told(capsys, root=str(tmp_path))) and why in said
+    pq.write_table(table, tmp_path / "c" / EPISODES)
+    summary = json.loads((tmp_path / "c" / SUMMARY).read_text())
+    for changed, why in (
+        ({"seconds": -1.0}, "frames and seconds cannot be below 0"),
+        ({"label": "another"}, "config.yaml was edited: its settings are those of empty-hard-n1"),
+        ({"w2": 3, "evaluation//": 2**70}, "c: "),
+    ):
+        (tmp_path / "c" / SUMMARY).write_text(json.dumps(summary | changed))
+        assert (why in told(capsys, root=str(tmp_path))) == ("w2" not in changed)
     lines = table_in(told(capsys, root=str(tmp_path)))
     assert "unreadable" in "".join(lines[1:3])
     assert any(line.startswith("b: cannot read the settings of a run") for line in lines)

@@ -16,15 +16,19 @@ import torch
 from segar.experiments.algorithms.checkpoint import read_checkpoint
 from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.commands.signals import Stopped
-from segar.experiments.runs.journal import read_journal
+from segar.experiments.runs.journal import Journal, read_journal
 from segar.experiments.runs.run_folder import (
     CHECKPOINT,
     DAMAGED,
     JOURNAL,
+    METRIC_SCHEMA,
+    METRICS,
     PREVIOUS,
+    VERSIONS,
     is_finished,
     read_metrics,
     read_summary,
+    write_rows,
 )
 from segar.experiments.settings import CheckpointError, RunFolderError, ScaleConfig, TrainingError
 from segar.experiments.training.run import run
@@ -207,6 +211,9 @@ def test_a_process_that_was_killed_is_found_by_the_next_one(tmp_path):
     path = tmp_path / "run" / JOURNAL
     begun, ended = path.read_text().splitlines()
     assert json.loads(ended)["event"] == "failed"
+    edited = {"event": "started", "time": "x"}
+    path.write_text(json.dumps(edited) + "\n")
+    assert "(? on ?, begun x)" in Journal(path.parent).begin()
     path.write_text(f'{begun}\n{{"time": "cut off by a power c')  # what kill -9 leaves, at worst
     said = []
     run(short_run(tmp_path / "run"), said.append)
@@ -215,6 +222,11 @@ def test_a_process_that_was_killed_is_found_by_the_next_one(tmp_path):
 
 
 def damage(path, how):
+    if how == "edited":
+        content = torch.load(path, weights_only=True)
+        content["learner"]["optimizer"]["param_groups"][0]["lr"] *= 2
+        torch.save(content, path)
+        return
     content = bytearray(path.read_bytes())
     if how == "cut":
         del content[len(content) // 2 :]
@@ -223,7 +235,7 @@ def damage(path, how):
     path.write_bytes(content)
 
 
-@pytest.mark.parametrize("how", ["cut", "one bit"])
+@pytest.mark.parametrize("how", ["cut", "one bit", "edited"])
 def test_a_damaged_newest_checkpoint_falls_back_to_the_one_before_and_says_so(trained_once, tmp_path, how):
     folder = tmp_path / "run"
     run_killed(short_run(folder), 3)
@@ -246,6 +258,19 @@ def test_where_both_checkpoints_are_damaged_nothing_is_guessed(tmp_path):
     with pytest.raises(CheckpointError, match=r"previous\.pt is damaged or none of ours: .*restart=true trains anew"):
         run(short_run(folder))
     assert (folder / CHECKPOINT).exists()
+
+
+def test_a_run_whose_tables_are_not_those_of_its_checkpoint_does_not_go_on(tmp_path):
+    folder = tmp_path / "run"
+    run_killed(short_run(folder), 2)
+    rows = read_metrics(folder).to_pylist()
+    for damaged in (rows[:5], [{**rows[0], "value": 7.0}, *rows[1:]]):
+        write_rows(folder / METRICS, damaged, METRIC_SCHEMA)
+        with pytest.raises(CheckpointError, match=f"{METRICS} is not that of the checkpoint: restore it"):
+            run(short_run(folder))
+    (folder / VERSIONS).unlink()
+    with pytest.raises(RunFolderError, match=f"there is no {VERSIONS}"):
+        run(short_run(folder))
 
 
 @pytest.mark.slow
