@@ -18,7 +18,7 @@ from segar.experiments.evaluation.transfers import LEVELS
 from segar.experiments.levels.builders import distribution_of
 from segar.experiments.runs.files import read_json
 from segar.experiments.runs.own_modules import own_packages
-from segar.experiments.runs.run_folder import EVALUATIONS, LEVELS_TEST, LEVELS_TRAIN, SUMMARY, read_config
+from segar.experiments.runs.run_folder import EVALUATIONS, LEVELS_TEST, LEVELS_TRAIN, SUMMARY, TRANSFER, read_config
 from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import LevelsConfig, RunFolderError, as_data
 from segar.levels import Levels
@@ -50,8 +50,7 @@ def transfer_levels(folder: Path, name: str) -> LevelPair | None:
             is not trusted.
     """
     there = folder / EVALUATIONS / name
-    form = {"transfer": {"panel": str, "variation": str, "mixture?": (dict, None)}}
-    summary = read_json(there / SUMMARY, form)
+    summary = read_json(there / SUMMARY, TRANSFER)
     if summary["transfer"].get("mixture"):
         return None
     own, trusted = own_levels(folder), own_packages(as_data(read_config(folder)))

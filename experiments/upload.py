@@ -52,9 +52,7 @@ def upload(run: str | None = None, root: str | None = None, uri: str | None = No
             failed += 1
             print(f"{folder.name}: {error}", flush=True)
     if failed:
-        raise TrackingError(
-            f"{failed} of {len(folders)} runs could not be sent; see above. The same command tries again"
-        )
+        raise TrackingError(f"{failed} of {len(folders)} runs could not be sent; see above. The command tries again")
 
 
 def upload_run(folder: Path, uri: str | None = None) -> str:

@@ -28,10 +28,11 @@ PANEL = ("family", "difficulty")
 BLOCK = (*PANEL, "seed")  # runs that share their nested training levels
 HARDER = {"easy": "medium", "medium": "hard"}
 REQUIRED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "variation", "run", "frames", "w2_reference",
-          "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic",
+          "w2_exact", "task", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic",
           "success_train_deterministic", "success_test_deterministic", "episodes_train_deterministic",
           "episodes_test_deterministic", "test_levels", "hours", "code")  # fmt: skip
 WHOSE = ("run", *BLOCK, "n", "algorithm")  # which no run may lack: means are over runs of one kind
+TEXTS = ("family", "difficulty", "algorithm", "observation", "task", "design", "variation", "run")
 NUMBERS = {"n": 1, "seed": 0}  # columns of whole numbers, and the least ones
 NAMED = ("run", "reason", "name", "experiment")  # of what is missing
 ETA, SUCCESS = "eta_test_deterministic", "success_test_deterministic"
@@ -198,6 +199,8 @@ def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
                 raise RunFolderError(f"{folder / file} has no column '{name}'.{did_you_mean(name, known)}")
     with naming(folder / RUNS, RunFolderError):
         keys(runs, [name for name in WHOSE if name in runs])
+        for name in (one for one in TEXTS if one in runs):
+            require(runs[name].dtype.kind not in "biuf", name, list(runs[name][:1]), "texts")
         for name, least in NUMBERS.items():
             values = column(runs, name)
             wrong = list(runs[name][(values < least) | (values % 1 != 0) | (runs[name].dtype.kind == "O")])

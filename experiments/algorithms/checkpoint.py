@@ -174,9 +174,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         content = torch.load(file, map_location="cpu", weights_only=True)
     if not isinstance(content, dict) or content.get("format") not in (1, FORMAT):
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
-        raise CheckpointError(
-            f"the checkpoint {path} has format {found!r}; this version reads format {FORMAT}. {TRAIN_ANEW}"
-        )
+        raise CheckpointError(f"the checkpoint {path} has format {found!r}; this version reads {FORMAT}. {TRAIN_ANEW}")
     is_changed = content["format"] == FORMAT and parts.comment != _sum(parts)
     if wrong := misfit(content, FORM) or is_changed * "something else than a run wrote it, or changed it":
         raise CheckpointError(f"the checkpoint {path} is damaged or none of ours: {wrong}. {TRAIN_ANEW}")

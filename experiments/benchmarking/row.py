@@ -225,8 +225,7 @@ def read_row(folder: Path) -> Row:
     stated, means = data.pop("hash"), data.pop("means", None)
     if stated != hash_of(data):
         raise RunFolderError(
-            f"{path} was edited: its hash is {hash_of(data)}, and it says {stated}. A changed row is another one: make it with"
-            " segar benchmark"
+            f"{path} was edited: its hash is {hash_of(data)}, not {stated}. Make it anew: segar benchmark"
         )
     listed = {**data["files"], **({} if means is None else {MEANS: means})}
     there = {one.name for one in folder.iterdir() if one.is_file() and one.name != ROW}
@@ -234,11 +233,9 @@ def read_row(folder: Path) -> Row:
         raise RunFolderError(f"{folder}: the file {name} is not part of the row; move it elsewhere")
     if not there & {TABLE, MEANS}:
         raise RunFolderError(f"{folder}: the file {TABLE} is not here; {FETCH}")
-    for name, known in ((name, listed[name]) for name in sorted(there)):
-        if (found := file_hash(folder / name)) != known:
-            raise RunFolderError(
-                f"{folder / name} is not what the row was made of: its hash is {found}, and {ROW} says {known}"
-            )
+    for name in sorted(there):
+        if (found := file_hash(folder / name)) != (known := listed[name]):
+            raise RunFolderError(f"{path}: {name} is not what the row was made of: its hash is {found}, not {known}")
     made_with = data["made_with"]
     pieces = tuple(Piece(**{**one, "made_with": made_with[one["made_with"]]}) for one in data["pieces"])
     method = Method(**{one.name: data[one.name] for one in dataclasses.fields(Method)})
@@ -288,9 +285,8 @@ def _check_drawn(path: Path, data: Mapping[str, Any], drawn: Sequence[Drawn]) ->
         chance, most = one.random / RANDOM_PLAYS, one.count
         steps = min(one.steps, one.planner_steps)
         if not (0 <= one.solved <= most and 0 <= chance < one.planner <= most and steps >= 0):
-            raise RunFolderError(
-                f"{where}: {one.solved} solved of {most}, random {chance:g}, planner {one.planner} cannot be"
-            )
+            numbers = f"{one.solved} solved of {most}, random {chance:g}, planner {one.planner}"
+            raise RunFolderError(f"{where}: {numbers} cannot be")
 
 
 def _checked(path: Path, schema: pa.Schema, pieces: Sequence[Piece]) -> pa.Table:

@@ -70,9 +70,7 @@ def require_one_name(overrides: Sequence[str]) -> None:
         if not equals or group not in {*setting_of, *setting_of.values(), *OWN_CLASSES}:
             continue
         if value.startswith("[") and "." not in group:
-            raise ConfigError(
-                f"{group}: takes one name, not the list {value}; --multirun {group}=A,B is a run for each"
-            )
+            raise ConfigError(f"{group}: takes one name, not the list {value}; --multirun {group}=A,B is a run each")
         setting = setting_of.get(group, group)
         if setting in named:
             raise ConfigError(f"{group}: {named[setting]} and {text} both say what {setting} is; give one of them")

@@ -87,6 +87,18 @@ VERSIONS_FORM = {
     "levels?": {str: str}, "arithmetic?": ARITHMETIC, "arithmetic_before?": [ARITHMETIC],
 }  # fmt: skip
 
+EVALUATION = {
+    "frames?": (int, None),
+    "code?": {str: str},
+    "changed_code?": [str],
+    "planner?": dict,
+    "players?": {str: dict},
+}
+TRANSFER = {"transfer": {
+    "label": str, "panel": str, "variation": str, "observation": {"name": str, "options": dict}, "test_count": int,
+    "mixture?": ({"groups": dict, "changed": [str]}, None),
+}}  # fmt: skip
+
 
 def root_folder(root: str | None) -> Path:
     """Absolute path of the folder that holds run folders and MLflow's store; None means ``runs/`` of the checkout, or here."""
@@ -280,16 +292,16 @@ def read_summary(folder: Path, config: RunConfig | None = None) -> dict[str, Any
     if min(summary[name] for name in ("frames", "seconds", "evaluation_seconds") if name in summary) < 0:
         raise RunFolderError(f"{path}: frames and seconds cannot be below 0; restore the file")
     if config is not None and summary.get("label", own := config.label()) != own:
-        raise RunFolderError(
-            f"{folder / CONFIG} was edited: its settings are those of {own}, not of {summary['label']}"
-        )
+        raise RunFolderError(f"{folder / CONFIG} was edited: it is that of {own}, and the run is {summary['label']}")
     return summary
 
 
 def read_evaluation(place: Path) -> dict[str, Any] | None:
-    """The summary of an evaluation, whose folder is in ``evaluations/`` of a run; None where there is none."""
+    """The summary of an evaluation, whose folder is in ``evaluations/`` of a run; None where there is none. That of a transfer
+    says which it is of; raises :class:`RunFolderError` where it has another form."""
     path = Path(place) / SUMMARY
-    return read_json(path) if path.exists() else None
+    form = TRANSFER if path.parent.name.startswith("transfer-") else {}
+    return read_json(path, EVALUATION | form) if path.exists() else None
 
 
 def of_another_agent(folder: Path, evaluation: Mapping[str, Any]) -> str:

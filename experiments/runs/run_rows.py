@@ -357,10 +357,10 @@ def _score(folder: Path, config: RunConfig) -> tuple[dict[str, float], str, str]
     by_other_code = f" is by other code than the run's ({', '.join(changed)})" if changed else ""
     if unscored := by_other_code or of_another_agent(folder, found):
         return {}, unscored, ""
-    players = found["players"]
-    names = [(name, mode) for name in ("score", "regret") for mode in ACTION_MODES if mode in players]
+    named = [(f"{name}_{mode}", name, mode) for name in ("score", "regret") for mode in ACTION_MODES]
+    scores = {column: found.get("players", {}).get(mode, {}).get(name) for column, name, mode in named}
     planner = " ".join(f"{name}={value}" for name, value in found.get("planner", {}).items())
-    return {f"{name}_{mode}": players[mode][name] for name, mode in names}, "", planner
+    return {name: one for name, one in scores.items() if misfit(one, (int, float)) is None}, "", planner
 
 
 def _column(key: str) -> str:

@@ -76,9 +76,7 @@ class Training:
             self.chosen.load_state_dict(extra["levels"])
             self.chosen.log.rows = read_played(self.folder).to_pylist()[: extra.get("played")]
         if extra.get("figures", now := digest(self.rows)) != now:
-            raise CheckpointError(
-                f"{self.folder / METRICS} is not that of the checkpoint: restore it, or set restart=true"
-            )
+            raise CheckpointError(f"{self.folder / METRICS} is not that of the checkpoint: restore it; or restart=true")
         say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
 
     def train(self) -> None:

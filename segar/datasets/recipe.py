@@ -88,9 +88,7 @@ def recipe_of(dataset: Any) -> Recipe:
     """The recipe of a Minari dataset that :func:`segar.datasets.record` made; raises :class:`SegarError` for another one."""
     metadata = dataset.storage.metadata
     if KEY not in metadata:
-        raise SegarError(
-            f"the Minari dataset '{dataset.id}' was not recorded by segar.datasets.record: it has no recipe"
-        )
+        raise SegarError(f"the dataset '{dataset.id}' was not recorded by segar.datasets.record: it has no recipe")
     where, there = f"the Minari dataset '{dataset.id}'", dataset.storage.total_episodes
     recipe = recipe_from(metadata[KEY], where)
     if recipe.episodes != there or min(recipe.batch, recipe.trials, recipe.seed + 1) < 1:

@@ -100,9 +100,7 @@ def _compare(where: str, there: Any, here: Episode, with_observations: bool) -> 
             equal = (array == theirs[key]) | (array != array) & (theirs[key] != theirs[key])  # nan where there is none
             rows = np.flatnonzero(~equal.reshape(len(equal), -1).all(axis=1))
             if len(rows):
-                raise SegarError(
-                    f"{where}, step {rows[0]}: {key} comes out differently when the actions are played again"
-                )
+                raise SegarError(f"{where}, step {rows[0]}: {key} comes out differently when actions are played again")
 
 
 def _arrays(tree: Any, name: str) -> Iterable[tuple[str, np.ndarray]]:

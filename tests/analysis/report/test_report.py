@@ -258,6 +258,7 @@ def test_what_is_wrong_with_the_tables_is_said(tmp_path):
         ({"runs": runs.drop(columns="w2_exact")}, "has no column 'w2_exact'"),
         ({"runs": runs.head(0)}, "has no rows: no run is finished"),
         ({"runs": pd.concat([runs, runs.head(1)])}, "run: .* must be there once: each row would count"),
+        ({"runs": runs.assign(family=1.5)}, r"family: \[1.5\] is not allowed; it must be texts"),
         ({"runs": runs.assign(n=runs["n"].astype(str))}, "n: .* must be whole numbers from 1 up"),
         ({"runs": runs.assign(gap_deterministic=np.nan)}, "gap_deterministic: nan .* must be a number of some run"),
         ({"runs": runs.assign(code=[[1.0]] * len(runs))}, "code: 'list<.*>' .* must be numbers, truths or texts"),

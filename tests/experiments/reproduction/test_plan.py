@@ -13,7 +13,7 @@ from segar.experiments.reproduction.experiment_file import experiment_at
 from segar.experiments.reproduction.plan import ASSUMED_BESIDE, Speeds, as_text, in_minutes, make_plan, measure_speeds
 from segar.experiments.runs.executed_code import executed_code
 from segar.experiments.runs.run_folder import CHECKPOINT, CONFIG, JOURNAL, SUMMARY, folder_path, write_json
-from segar.experiments.settings import ConfigError, ScaleConfig
+from segar.experiments.settings import ConfigError, ScaleConfig, as_data
 from tests.synthetic_runs import settings, write_run
 
 SCALE = ScaleConfig(name="quick", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
@@ -110,7 +110,7 @@ def test_done_are_runs_whose_transfers_are_finished_too(tmp_path):
     assert not work.is_done() and work.frames_left() == 0
     for transfer in work.transfers:
         transfer.folder(work.run).mkdir(parents=True)
-        write_json(transfer.folder(work.run) / SUMMARY, {})
+        write_json(transfer.folder(work.run) / SUMMARY, {"transfer": as_data(transfer)})
     assert work.is_done()
 
 
@@ -120,11 +120,12 @@ def test_transfers_of_other_code_are_refused_kept_or_made_anew_without_their_run
     write_run(work.run, code=executed_code(Prepared(work.run)))
     for transfer in work.transfers:
         transfer.folder(work.run).mkdir(parents=True)
-        write_json(transfer.folder(work.run) / SUMMARY, {"code": transfer.code(work.run)})
+        made = {"transfer": as_data(transfer), "code": transfer.code(work.run)}
+        write_json(transfer.folder(work.run) / SUMMARY, made)
     assert plan_of(tmp_path, **files).runs[0].is_done()
     first = work.transfers[0]
     other = {**first.code(work.run), "levels": "another"}
-    write_json(first.folder(work.run) / SUMMARY, {"code": other})
+    write_json(first.folder(work.run) / SUMMARY, {"transfer": as_data(first), "code": other})
     told = (
         f"1 transfer was made by other code than this; changed since: levels. The first of them is {work.run.label()}"
     )

@@ -226,6 +226,18 @@ def test_a_score_of_a_portable_evaluation_counts_where_there_is_no_other(tmp_pat
         found = {"anchors": {"floor": 0}, "players": {"deterministic": {"score": score, "regret": 0.0}}}
         write_json(place / "summary.json", found)
         assert run_rows([tmp_path])[0].figures["score_deterministic"] == score
+    for damaged in (
+        {"players": None},
+        {"players": {"sampled": 3}},
+        {"planner": 3},
+        {"changed_code": -1},
+        {"frames": []},
+    ):
+        write_json(place / "summary.json", found | damaged)
+        (row,) = run_rows([tmp_path])
+        assert row.state == "unreadable" and f"{next(iter(damaged))}" in row.problem
+    write_json(place / "summary.json", {"anchors": {}})
+    assert "score_deterministic" not in run_rows([tmp_path])[0].figures
 
 
 def test_a_run_in_several_folders_counts_once_and_the_folders_are_named(tmp_path, capsys):
@@ -284,7 +296,7 @@ def test_a_run_that_cannot_be_read_is_a_row_that_says_why(tmp_path, capsys):
     summary = json.loads((tmp_path / "c" / SUMMARY).read_text())
     for changed, why in (
         ({"seconds": -1.0}, "frames and seconds cannot be below 0"),
-        ({"label": "another"}, "config.yaml was edited: its settings are those of empty-hard-n1"),
+        ({"label": "another"}, "config.yaml was edited: it is that of empty-hard-n1"),
         ({"w2": 3, "evaluation//": 2**70}, "c: "),
     ):
         (tmp_path / "c" / SUMMARY).write_text(json.dumps(summary | changed))
