@@ -130,6 +130,4 @@ def require(table: pd.DataFrame, *names: str) -> None:
         if name not in known:
             raise SegarError(f"the table has no column '{name}'.{did_you_mean(name, known)}")
         if known.count(name) > 1:
-            raise SegarError(
-                f"the table has {known.count(name)} columns '{name}'; leave one, or give them names of their own"
-            )
+            raise SegarError(f"the table has {known.count(name)} columns '{name}'; leave one, or rename them")

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from segar import support
@@ -105,6 +104,6 @@ def typed(path: Path, table: pa.Table, schema: pa.Schema) -> pa.Table:
             table = table.set_column(place, one, column := table.column(place).cast(one.type))
         except pa.ArrowException as error:
             raise RunFolderError(f"{path}: its column '{one.name}' is of another kind: {first_line(error)}") from error
-        if column.null_count or (pa.types.is_integer(one.type) and pc.any(pc.less(column, 0)).as_py()):
+        if column.null_count or (pa.types.is_integer(one.type) and min(column.to_pylist(), default=0) < 0):
             raise RunFolderError(f"{path}: in its column '{one.name}' something is absent or below 0; restore the file")
     return table

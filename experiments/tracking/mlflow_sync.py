@@ -55,6 +55,10 @@ class SyncState:
     status: str | None = None  # MLflow's word for how the run stands
 
 
+SYNC_FORM = {"store": str, "experiment": str, "begun": int, "run_id?": (str, None), "sent?": int, "tried?": int,
+             "files?": [str], "status?": (str, None)}  # fmt: skip
+
+
 class RunSync:
     """Sends one run to MLflow; not for use by two threads at once."""
 
@@ -209,4 +213,4 @@ def tags_of(config: RunConfig) -> dict[str, str]:
 def read_sync_state(folder: Path, name: str = SYNC_STATE) -> SyncState | None:
     """How much of the run in ``folder`` was sent, by the file of this name; None where nothing was."""
     path = folder / name
-    return SyncState(**read_json(path)) if path.exists() else None
+    return SyncState(**read_json(path, SYNC_FORM, only=True)) if path.exists() else None

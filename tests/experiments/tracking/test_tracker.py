@@ -16,7 +16,7 @@ from filelock import FileLock
 from mlflow.entities import ViewType
 
 from segar.experiments.runs.executed_code import executed_code
-from segar.experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics, read_played, read_versions
+from segar.experiments.runs.run_folder import METRICS, SYNC_STATE, read_metrics, read_played, read_versions, write_json
 from segar.experiments.settings import LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
 from segar.experiments.tracking import mlflow_store, mlflow_sync
 from segar.experiments.tracking.mlflow_store import open_store, store_uri
@@ -447,3 +447,10 @@ def test_a_message_of_mlflow_is_told_without_a_password():
     with pytest.raises(TrackingError, match=r"API request to https://me@host/api failed\.") as caught:
         mlflow_store.calling(fail)
     assert caught.value.__cause__ is None  # whose text the journal would hold
+
+
+@pytest.mark.parametrize("change", [{"store": 3}, {"begun": "0' OR '1'='1"}, {"sent": None}, {"more": 1}])
+def test_what_says_how_much_was_sent_is_refused_in_another_form(tmp_path, change):
+    write_json(tmp_path / SYNC_STATE, {"store": "sqlite:///x", "experiment": "segar", "begun": 1} | change)
+    with pytest.raises(RunFolderError, match=f"{SYNC_STATE}: '?{next(iter(change))}"):
+        mlflow_sync.read_sync_state(tmp_path)
