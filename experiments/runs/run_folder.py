@@ -35,7 +35,7 @@ from segar.experiments.runs.files import absolute_path, read_json, read_table, t
 from segar.experiments.runs.own_modules import folders_of, modules_named, own_packages
 from segar.experiments.runs.trust import settings_of_file, signed
 from segar.experiments.settings import ConfigError, RunConfig, RunFolderError, as_data, run_config, without_password
-from segar.support import LOCK, UNFINISHED, WORKSPACE, content_of, locked, read_yaml, remove_unfinished
+from segar.support import LOCK, UNFINISHED, WORKSPACE, __version__, content_of, locked, read_yaml, remove_unfinished
 
 CONFIG = "config.yaml"
 LONGEST = 2**20  # [bytes] of the settings of a run
@@ -291,7 +291,8 @@ def read_summary(folder: Path, config: RunConfig | None = None) -> dict[str, Any
     summary = read_json(path, {"frames": int, "seconds": float, "evaluation_seconds?": float})
     if min(summary[name] for name in ("frames", "seconds", "evaluation_seconds") if name in summary) < 0:
         raise RunFolderError(f"{path}: frames and seconds cannot be below 0; restore the file")
-    if config is not None and summary.get("label", own := config.label()) != own:
+    by_this = read_versions(folder).get("libraries", {}).get("segar") == __version__  # which gave it its name
+    if config is not None and by_this and summary.get("label", own := config.label()) != own:
         raise RunFolderError(f"{folder / CONFIG} was edited: it is that of {own}, and the run is {summary['label']}")
     return summary
 

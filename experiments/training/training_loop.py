@@ -136,7 +136,7 @@ class Training:
 
     def log(self, figures: Mapping[str, float]) -> None:
         """Adds figures of this moment."""
-        moment = {"frames": self.learner.frames, "seconds": self.seconds}
+        moment = {"frames": int(self.learner.frames), "seconds": self.seconds}
         self.rows += [{"name": name, **moment, "value": float(value)} for name, value in figures.items()]
 
     def write_figures(self) -> None:

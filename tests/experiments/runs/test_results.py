@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+import segar
 from segar.analysis.runs import read_runs
 from segar.experiments.results import results
 from segar.experiments.runs.run_folder import (
@@ -294,6 +295,8 @@ def test_a_run_that_cannot_be_read_is_a_row_that_says_why(tmp_path, capsys):
         assert f"c: {tmp_path}/c/{EPISODES}" in (said := told(capsys, root=str(tmp_path))) and why in said
     pq.write_table(table, tmp_path / "c" / EPISODES)
     summary = json.loads((tmp_path / "c" / SUMMARY).read_text())
+    versions = read_versions(tmp_path / "c")
+    write_json(tmp_path / "c" / VERSIONS, versions | {"libraries": {"segar": segar.__version__}})
     for changed, why in (
         ({"seconds": -1.0}, "frames and seconds cannot be below 0"),
         ({"label": "another"}, "config.yaml was edited: it is that of empty-hard-n1"),
