@@ -175,8 +175,8 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict) or content.get("format") not in (1, FORMAT):
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise CheckpointError(f"the checkpoint {path} has format {found!r}; this version reads {FORMAT}. {TRAIN_ANEW}")
-    is_changed = content["format"] == FORMAT and parts.comment != _sum(parts)
-    if wrong := misfit(content, FORM) or is_changed * "something else than a run wrote it, or changed it":
+    is_sealed = content["format"] == 1 or parts.comment == _sum(parts)
+    if wrong := misfit(content, FORM) or (None if is_sealed else "something else than a run wrote it, or changed it"):
         raise CheckpointError(f"the checkpoint {path} is damaged or none of ours: {wrong}. {TRAIN_ANEW}")
     return content
 

@@ -209,10 +209,6 @@ def _sequential(layers: Layers, module: Any, source: int, place: str) -> int:
     return source
 
 
-def _mlp(layers: Layers, module: MLP, source: int, place: str) -> int:
-    return layers.add_module(module.layers, source, f"{place}.layers")
-
-
 def _linear(layers: Layers, module: nn.Linear, source: int, place: str) -> int:
     weight = _array(module.weight)
     return layers.add("dense", source, weight=weight.T, bias=_array(module.bias, np.zeros(len(weight))))
@@ -299,13 +295,9 @@ def _plain(kind: str) -> Callable[[Layers, Any, int, str], int]:
     return lambda layers, module, source, place: layers.add(kind, source)
 
 
-def _nothing(layers: Layers, module: Any, source: int, place: str) -> int:
-    return source
-
-
 MODULES: Mapping[type[nn.Module], Callable[[Layers, Any, int, str], int]] = {
     nn.Sequential: _sequential,
-    MLP: _mlp,
+    MLP: lambda layers, module, source, place: layers.add_module(module.layers, source, f"{place}.layers"),
     nn.Linear: _linear,
     nn.Conv2d: _convolution,
     FrameConv: _convolution,
@@ -313,7 +305,7 @@ MODULES: Mapping[type[nn.Module], Callable[[Layers, Any, int, str], int]] = {
     nn.ReLU: _plain("relu"),
     nn.Tanh: _plain("tanh"),
     nn.Flatten: _flatten,
-    nn.Identity: _nothing,
+    nn.Identity: lambda layers, module, source, place: source,
     nn.LayerNorm: _layer_norm,
     ResidualBlock: _residual_block,
     Keypoints: _keypoints,

@@ -88,12 +88,8 @@ VERSIONS_FORM = {
 }  # fmt: skip
 
 EVALUATION = {
-    "frames?": (int, None),
-    "code?": {str: str},
-    "changed_code?": [str],
-    "planner?": dict,
-    "players?": {str: dict},
-}
+    "frames?": (int, None), "code?": {str: str}, "changed_code?": [str], "planner?": dict, "players?": {str: dict},
+}  # fmt: skip
 TRANSFER = {"transfer": {
     "label": str, "panel": str, "variation": str, "observation": {"name": str, "options": dict}, "test_count": int,
     "mixture?": ({"groups": dict, "changed": [str]}, None),

@@ -568,7 +568,7 @@ FETCHED = ("mbpo", "tqc")  # rows of ONNX files, none of which is in git
 def test_shipped_rows_are_what_their_hashes_say_and_a_sample_plays_again_to_the_bit(name):
     row = read_row(SHIPPED / name)
     if name in FETCHED:
-        with pytest.raises(RunFolderError, match="not verified: seed 1 on .*segar results fetch"):
+        with pytest.raises(RunFolderError, match=r"not verified: seed 1 on .*segar results fetch"):
             verify(row)
     elif name in PLAYERS or row.method.settings["observation"]["name"] == "state":
         assert verify(row, [SUITE], [1]) >= 225
