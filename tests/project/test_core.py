@@ -1,0 +1,41 @@
+"""What the page of the core says follows from its tables by the rules."""
+
+import importlib.util
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.places import ROOT
+
+SPEC = importlib.util.spec_from_file_location("core_of_suites", ROOT / "docs" / "site" / "core.py")
+core = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(core)
+
+
+@pytest.mark.results
+def test_the_page_and_its_table_are_made_again():
+    table, suites, chosen = core.found_now()
+    stated = pd.read_csv(core.FOLDER / "suites.csv")
+    pd.testing.assert_frame_equal(suites, stated, rtol=1e-5)
+    assert (core.FOLDER / "findings.md").read_text(encoding="utf-8") == core.page(table, suites, chosen)
+    assert core.FEWEST <= len(chosen) <= core.MOST
+
+
+def test_a_planted_core_has_of_each_axis_what_tells_methods_apart_and_nothing_too_easy():
+    """On every second suite methods differ, and agree on who is best; on the others only runs do, and one is solved by all."""
+    rng = np.random.default_rng(0)
+    names = [*core.scores()["suite"].unique()]
+    table = pd.DataFrame([
+        {"row": row, "suite": name, "seed": seed, core.PRACTICE: 0.4 + 0.1 * m * (k % 2) + rng.normal(0, 0.05)}
+        for m, row in enumerate("abcd") for k, name in enumerate(names) for seed in range(1, 6)
+    ])  # fmt: skip
+    table.loc[table["suite"] == names[0], core.PRACTICE] = 0.99 + 1e-3 * rng.normal(size=20)
+    suites = core.described(table)
+    assert [*suites.query("not counts")["suite"]] == names[:1]
+    told = suites.set_index("suite")["methods_share"]
+    assert told[names[1::2]].min() > 0.7 and told[names[2::2]].max() < 0.5
+    chosen = core.chosen(table, suites)
+    best = suites[suites["counts"]].sort_values("methods_share").drop_duplicates("axis", keep="last")["suite"]
+    assert {*best} <= {*chosen[: len(best)]} and names[0] not in chosen and core.FEWEST <= len(chosen) <= core.MOST
+    assert core.agreement(table, chosen).coefficient.estimate > core.agreement(table, names[2::2]).coefficient.estimate
