@@ -10,7 +10,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from segar.analysis.benchmark.leaderboard_page import TRUSTED_COEFFICIENT, markdown, number, repetition_tables
+from segar.analysis.benchmark.leaderboard_page import (
+    TRUSTED_COEFFICIENT,
+    interval,
+    markdown,
+    number,
+    place_text,
+    repetition_tables,
+)
 from segar.analysis.benchmark.scores import DRAWN, PRACTICE
 from segar.analysis.plotting import style
 from segar.analysis.plotting.figures import legend_below, new_figure, save_figure, zero_line
@@ -91,12 +98,6 @@ def chosen(table: pd.DataFrame, suites: pd.DataFrame) -> list[str]:
     return core
 
 
-def in_words(found: Generalizability) -> str:
-    """The coefficient with its interval."""
-    one = found.coefficient
-    return f"{number(one.estimate)} [{number(one.low)}, {number(one.high)}]"
-
-
 def page(table: pd.DataFrame, suites: pd.DataFrame, core: list[str]) -> str:
     """The page in Markdown."""
     first = table[table["seed"].isin(FIRST_HALF)]
@@ -105,7 +106,7 @@ def page(table: pd.DataFrame, suites: pd.DataFrame, core: list[str]) -> str:
     lines = [
         [
             "–" if pd.isna(one["place"]) else str(int(one["place"])), f"`{one['suite']}`", one["axis"], one["best"],
-            f"{number(one['success'])} [{number(one['low'])}, {number(one['high'])}]", "yes" if one["counts"] else "no",
+            interval(one | {"estimate": one["success"]}), "yes" if one["counts"] else "no",
             number(one["methods_share"]),
         ]
         for one in suites.to_dict("records")
@@ -115,13 +116,12 @@ def page(table: pd.DataFrame, suites: pd.DataFrame, core: list[str]) -> str:
     means = in_core.groupby(["row", "seed"])[PRACTICE].mean().unstack("row")
     by_place = sorted(places(means).items(), key=lambda one: (one[1], one[0]))
     rows = []
-    for row, (best, worst) in by_place:
-        mean = mean_of_replicates(means[row].to_numpy())
-        cells = f"{number(mean.estimate)} [{number(mean.low)}, {number(mean.high)}]"
-        rows.append([str(row), str(best) if best == worst else f"{best}–{worst}", cells])
+    for row, place in by_place:
+        rows.append([str(row), place_text(place), interval(vars(mean_of_replicates(means[row].to_numpy())))])
     parts = repetition_tables(in_core.assign(**{DRAWN: in_core[PRACTICE]}), found)
     return TEXT.format(
-        verdict="ranks" if ranks else "does not rank", trusted=TRUSTED_COEFFICIENT, here=in_words(found), all=in_words(every),
+        verdict="ranks" if ranks else "does not rank", trusted=TRUSTED_COEFFICIENT, here=interval(vars(found.coefficient)),
+        all=interval(vars(every.coefficient)),
         methods=found.methods, n=len(core), candidates=len(suites), suites=markdown(head, lines, texts=4),
         rows=markdown(["learner", "place", "success above chance"], rows), components=parts["components"],
         needed=parts["needed"],

@@ -24,7 +24,7 @@ from segar.experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVI
 from segar.experiments.settings import CheckpointError, RunConfig, TrainingError, digest
 from segar.support import damage_told, misfit, opened
 
-FORMAT = 2  # since then, the comment of a file is the sum over its parts
+FORMAT, UNSEALED = 2, 1  # the comment of a file is the sum over its parts; before, there was none
 TRAIN_ANEW = "restart=true trains anew"
 FORM = {
     "config": str,
@@ -172,10 +172,10 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
             raise zipfile.BadZipFile(f"the sum over {odd} is wrong")
         file.seek(0)
         content = torch.load(file, map_location="cpu", weights_only=True)
-    if not isinstance(content, dict) or content.get("format") not in (1, FORMAT):
+    if not isinstance(content, dict) or content.get("format") not in (UNSEALED, FORMAT):
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise CheckpointError(f"the checkpoint {path} has format {found!r}; this version reads {FORMAT}. {TRAIN_ANEW}")
-    is_sealed = content["format"] == 1 or parts.comment == _sum(parts)
+    is_sealed = content["format"] == UNSEALED or parts.comment == _sum(parts)
     if wrong := misfit(content, FORM) or (None if is_sealed else "something else than a run wrote it, or changed it"):
         raise CheckpointError(f"the checkpoint {path} is damaged or none of ours: {wrong}. {TRAIN_ANEW}")
     return content

@@ -46,7 +46,7 @@ def require_known(place: str, name: str, names: Iterable[str], own: bool = False
     """Raises :class:`ConfigError` that names the nearest of ``names``, unless ``name`` is one of them; or, with ``own``, that
     of an object of the user's own, ``module:attribute``."""
     known = list(dict.fromkeys(names))
-    if name not in known and not (own and ":" in name):
+    if name not in known and not (own and object_name(name)):
         raise ConfigError(f"{place}: '{name}' is unknown.{did_you_mean(name, known)}")
 
 

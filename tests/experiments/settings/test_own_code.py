@@ -7,7 +7,7 @@ import pytest
 import segar
 from segar.errors import SegarError
 from segar.experiments.levels.builders import distribution_of, make_levels
-from segar.experiments.settings import ConfigError, LevelsConfig, run_config, without_files
+from segar.experiments.settings import ConfigError, LevelsConfig, require_known, run_config, without_files
 from segar.support import module_in_file, named_object
 from tests.experiments.short_runs import run_module
 
@@ -168,3 +168,11 @@ def test_a_module_that_a_file_imports_is_not_taken_for_what_was_meant(tmp_path):
     with pytest.raises(SegarError) as caught:
         named_object(f"{tmp_path}/shares.py:nope")
     assert str(caught.value) == "'shares' has no 'nope'. Known: share."
+
+
+def test_a_name_is_known_or_one_that_the_import_would_take():
+    for name in ("a", "my_lab.own:found", "folder/file.py:found"):
+        require_known("test", name, ["a"], own=True)
+    for name in ("meen", "no words:found", ":x", "own:"):
+        with pytest.raises(ConfigError, match=f"test: '{name}' is unknown"):
+            require_known("test", name, ["a"], own=True)
