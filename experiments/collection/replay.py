@@ -44,13 +44,7 @@ class Replay:
         return int(self.sampler.complete.sum())
 
     def add(
-        self,
-        observation: Tensor,
-        u: Tensor,
-        reward: Tensor,
-        terminated: Tensor,
-        done: Tensor,
-        last: Tensor,
+        self, observation: Tensor, u: Tensor, reward: Tensor, terminated: Tensor, done: Tensor, last: Tensor
     ) -> None:
         """Stores one step of all environments.
 

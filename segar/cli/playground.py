@@ -42,8 +42,9 @@ def add_commands(commands: Any) -> None:
         " a match: you play against it",
     )  # fmt: skip
     making.add_argument(
-        "--weights", choices=WEIGHTS, default=WEIGHTS[0],
-        help="of the policy; float16 makes a smaller page, which plays the network with rounded weights (default: %(default)s)",
+        "--weights", choices=WEIGHTS,
+        help="of the policy; float16 and float8 make smaller pages, which play the network with rounded weights (default:"
+        " float32; float8 of a network that sees frames, in a match)",
     )  # fmt: skip
     making.add_argument(
         "--plans", action="store_true",
@@ -98,6 +99,8 @@ def playground(chosen: argparse.Namespace) -> None:
     given = {name: named_observation(name) for name in chosen.observation or ()}
     if chosen.policy is not None and player is None:
         player = read_policy(Path(chosen.policy), levels, observations=given, task=chosen.task)
+    sees_frames = player is not None and len(player.network.observation_shape) == 3
+    weights = chosen.weights or ("float8" if is_match and sees_frames else WEIGHTS[0])
     if chosen.plans:
         count = len(levels) + (0 if test is None else len(test))
         print(f"segar: finding plans of {counted(count, 'level')}, in about 0.1 s each", file=sys.stderr, flush=True)
@@ -108,7 +111,7 @@ def playground(chosen: argparse.Namespace) -> None:
         observations=given or (player and player.observations) or ("rgb",),
         test_observations=player.test_observations if player and not given else None,
         policy=player and player.network,
-        weights=chosen.weights,
+        weights=weights,
         probes=player.probes if player else {},
         plans=chosen.plans,
         title=chosen.title or (chosen.what.rpartition(":")[2] if ":" in chosen.what else None),
@@ -118,9 +121,9 @@ def playground(chosen: argparse.Namespace) -> None:
     size, seconds = len(page.html.encode()), time.perf_counter() - start
     answer: dict[str, Any] = {"file": chosen.output, "bytes": size, "levels": len(levels), "seconds": seconds}
     answer |= {"test_levels": len(test)} if test is not None else {}
-    answer |= {} if player is None else {"policy": str(player.place), "weights": chosen.weights}
+    answer |= {} if player is None else {"policy": str(player.place), "weights": weights}
     sets = counted(len(levels), "level") + ("" if test is None else f" and {counted(len(test), 'test level')}")
-    plays = "" if player is None else f", the policy in {player.place} ({chosen.weights})"
+    plays = "" if player is None else f", the policy in {player.place} ({weights})"
     text = f"{chosen.output}: {sets}{plays}; {size / 1000:.0f} kB in {seconds:.1f} s. Open it in a browser"
     arguments.print_answer(chosen, answer, text)
 

@@ -109,10 +109,8 @@ def squares_between(x: np.ndarray, y: np.ndarray, periods: np.ndarray | None) ->
     half the work where both are one array."""
     periods = np.full(x.shape[1], np.inf) if periods is None else periods
     straight = np.isinf(periods)
-    if x is y:
-        squares = squareform(pdist(x[:, straight], "sqeuclidean"))
-    else:
-        squares = cdist(x[:, straight], y[:, straight], "sqeuclidean")
+    a, b = x[:, straight], y[:, straight]
+    squares = squareform(pdist(a, "sqeuclidean")) if x is y else cdist(a, b, "sqeuclidean")
     for c in np.flatnonzero(~straight):
         squares += shorter_way((x[:, c, None] - y[None, :, c])[..., None], periods[c : c + 1])[..., 0] ** 2
     return squares

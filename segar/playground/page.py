@@ -89,8 +89,8 @@ def make_playground(
             what the page calls them.
         policy: plays at a touch of a button, with the actions of :class:`segar.policies.NetworkPolicy`, to the bit; those
             without noise where a network is given.
-        weights: of the policy, as "float32"; or as "float16", which makes the page smaller: it then plays
-            ``policy.network.in_float16()``.
+        weights: of the policy, as "float32"; or as "float16" or "float8", which make the page smaller: it then plays
+            ``policy.network.in_float16()`` or ``policy.network.in_float8()``.
         probes: what is known of the factors in what the policy's encoder gives, as :class:`RunPolicy` has it; shown as bars.
         plans: whether the page holds the planner's episodes, and the baselines of scores. They are found now by
             :func:`segar.evaluation.find_baselines`, in about 0.1 s per level.
@@ -103,7 +103,7 @@ def make_playground(
     Raises:
         LevelError: there are too many levels.
         SegarError: a rule or an observation has no form in WebAssembly, or the policy reads other observations, has other
-            actions, or has weights that float16 does not hold; or a match lacks a part.
+            actions, or has weights that 16 bits do not hold; or a match lacks a part.
     """
     if match is not None and (test is None or policy is None or not plans):
         raise SegarError("a match needs test levels, a policy and plans; give test=, policy= and plans=True")

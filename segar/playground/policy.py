@@ -9,8 +9,8 @@ from segar.errors import SegarError
 from segar.playground.modules import Blobs, described_module
 from segar.policies import Network, NetworkPolicy
 
-Weights = Literal["float32", "float16"]
-WEIGHTS = ("float32", "float16")
+Weights = Literal["float32", "float16", "float8"]
+WEIGHTS = ("float32", "float16", "float8")
 
 
 def described_policy(
@@ -20,7 +20,7 @@ def described_policy(
 
     Args:
         sets: those of the page, as :func:`segar.playground.world.described_set` makes them.
-        weights: "float32", or "float16" for a page of half the size, which plays the network with rounded weights.
+        weights: "float32", or "float16" or "float8" for a smaller page, which plays the network with rounded weights.
 
     Raises:
         SegarError: the policy reads another observation, or its actions have another range; or weights are too large.
@@ -31,13 +31,14 @@ def described_policy(
             " segar evaluate run=FOLDER portable=true, and load its network.npz by Network.load"
         )
     if weights not in WEIGHTS:
-        raise SegarError(f"weights must be {' or '.join(WEIGHTS)}, not {weights!r}")
+        raise SegarError(f"weights must be {', '.join(WEIGHTS[:-1])} or {WEIGHTS[-1]}, not {weights!r}")
     if isinstance(policy, Network):
         policy = NetworkPolicy(policy)
     for one in sets:
         _check(policy, one)
-    if weights == "float16":
-        policy = NetworkPolicy(policy.network.in_float16(), sampled=policy.sampled)
+    if weights != WEIGHTS[0]:
+        rounded = policy.network.in_float16() if weights == "float16" else policy.network.in_float8()
+        policy = NetworkPolicy(rounded, sampled=policy.sampled)
     count = sum(array.size for layer in policy.network.layers for array in layer.arrays.values())
     return {
         "module": described_module({"act": [policy.call()]}, {"envs": 1, "rows": 1}, 0, blobs),
@@ -46,7 +47,7 @@ def described_policy(
         "value": policy.network.value is not None,
         "count": count,
         "weights": weights,
-        "size": count * np.dtype(weights).itemsize,
+        "size": count * int(weights.removeprefix("float")) // 8,
     }
 
 

@@ -245,8 +245,7 @@ def wrapper(entry: Entry) -> tuple[str, list[str]]:
     sizes = [f"size_{one}" for one in entry.sizes]
     header = f"def exported({', '.join(['start', 'stop', *sizes, *names])}):"
     if entry.per_environment:
-        lines.append("    for thing in range(start, stop):")
-        lines.append(f"        if meant[thing // {entry.per_environment}]:")
+        lines += ["    for thing in range(start, stop):", f"        if meant[thing // {entry.per_environment}]:"]
         lines.append(f"            {entry.name}(thing, thing + 1, {', '.join(passed[2:-1])})")
     else:
         lines.append(f"    {entry.name}({', '.join(passed)})")

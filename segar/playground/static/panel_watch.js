@@ -6,7 +6,7 @@ export function watchPanel(page) {
   const { policy, results } = page;
   const { count, weights, size, reads, sampled } = policy.about;
   const kilobytes = (size / 1000).toLocaleString("en", { maximumFractionDigits: 1 });
-  const held = weights === "float16" ? "rounded to float16" : `as ${weights}`;
+  const held = weights === "float32" ? "as float32" : `rounded to ${weights}`;
   const says = `A network of ${count.toLocaleString("en")} weights ${held} (${kilobytes} kB), which reads “${reads}”; its actions are ${sampled ? "drawn" : "those without noise"}.`;
   const acts = make("button", { textContent: "Let the agent play", onclick: () => acting(!page.player.actor) });
   const all = make("button", { textContent: "Let the agent play all levels", onclick: () => playAll() });

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,18 +74,20 @@ def test_a_policy_plays_whole_episodes_to_the_bit(name: str, browser: Browser, t
     assert_played_alike(LEVELS, [observation], browser, episodes_of(LEVELS, 4, None, np.random.default_rng(5)), policy)
 
 
-def test_weights_of_16_bits_play_the_rounded_network_to_the_bit(browser: Browser, tmp_path: Path) -> None:
+@pytest.mark.parametrize("weights", ["float16", "float8"])
+def test_rounded_weights_play_the_rounded_network_to_the_bit(weights: Any, browser: Browser, tmp_path: Path) -> None:
     network = convolutional("rgb")
-    whole = make_playground(LEVELS, policy=network)
-    made = make_playground(LEVELS, policy=network, weights="float16")
-    assert len(made.html) < len(whole.html)
-    assert len(make_playground(LEVELS, policy=network.in_float16()).html) < len(made.html) + 100
+    rounded = network.in_float16() if weights == "float16" else network.in_float8()
+    larger = make_playground(LEVELS, policy=network, weights="float32" if weights == "float16" else "float16")
+    made = make_playground(LEVELS, policy=network, weights=weights)
+    assert len(made.html) < len(larger.html)
+    assert len(make_playground(LEVELS, policy=rounded).html) < len(made.html) + 100
     browser.show(tmp_path, made)
     episodes = episodes_of(LEVELS, 2, None, np.random.default_rng(5))
     found = play_in(browser, episodes)
-    assert found == play_natively(LEVELS, ["rgb"], episodes, NetworkPolicy(network.in_float16()))
+    assert found == play_natively(LEVELS, ["rgb"], episodes, NetworkPolicy(rounded))
     assert found != play_natively(LEVELS, ["rgb"], episodes, NetworkPolicy(network))
-    assert "float16" in browser.run("return document.getElementById('panels').textContent")
+    assert f"rounded to {weights}" in browser.run("return document.getElementById('panels').textContent")
 
 
 def test_observations_of_the_past_agree(browser: Browser, tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_a_policy_for_other_actions_is_refused_with_both() -> None:
 def test_what_is_no_policy_and_weights_that_do_not_fit_are_refused() -> None:
     network, seen = perceptron("state"), {"observations": ["state"]}
     refused(r"not function; make one of a run by segar evaluate", **seen, policy=lambda seen: seen)
-    refused("weights must be float32 or float16, not 'int8'", **seen, policy=network, weights="int8")
+    refused("weights must be float32, float16 or float8, not 'int8'", **seen, policy=network, weights="int8")
     layer = network.layers[1]
     large = replace(layer, arrays={**layer.arrays, "weight": layer.arrays["weight"] * np.float32(1e6)})
     network = replace(network, layers=(network.layers[0], large, *network.layers[2:]))

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import torch
 
 from segar.errors import SegarError
 from segar.policies import Layer, Network
@@ -33,6 +34,22 @@ def test_a_network_from_a_file_acts_as_the_one_that_was_saved(name, tmp_path):
     again = Network.load(tmp_path / "network.npz")
     for sampled in (False, True):
         np.testing.assert_array_equal(actions(again, sampled=sampled), actions(network, sampled=sampled))
+
+
+def test_weights_of_8_bits_are_those_of_torch():
+    """Where they are above the least normal number of 16 bits; below it they have more bits than torch's."""
+    rng = np.random.default_rng(1)
+    sizes = np.exp2(rng.uniform(-22, 15, (300, 200))) * rng.choice((-1, 1), (300, 200))
+    layer = Layer("dense", (0,), arrays={"weight": sizes.astype(np.float32), "bias": sizes[0].astype(np.float32)})
+    network = Network((300,), (START, layer), mean=1, log_std=1)
+    found = network.in_float8().layers[1].arrays
+    halves = network.in_float16().layers[1].arrays
+    np.testing.assert_array_equal(found["bias"], halves["bias"])
+    of_torch = torch.from_numpy(halves["weight"]).to(torch.float8_e5m2).float().numpy()
+    normal = np.abs(halves["weight"]) >= 2.0**-14
+    assert 0.5 < normal.mean() < 0.9
+    np.testing.assert_array_equal(found["weight"][normal], of_torch[normal])
+    assert (np.abs(found["weight"] - halves["weight"]) <= np.abs(halves["weight"]) / 8).all()
 
 
 @pytest.mark.parametrize(
