@@ -36,12 +36,7 @@ BLOCK = 256  # held-out pairs among which a bound is taken; InfoNCE is at most i
 
 
 def mine_accuracy(
-    representation: Any,
-    factors: Any,
-    rng: np.random.Generator,
-    marginal: Marginal = "joint",
-    *,
-    episode: Any = None,
+    representation: Any, factors: Any, rng: np.random.Generator, marginal: Marginal = "joint", *, episode: Any = None
 ) -> float:
     """How well a critic tells pairs (phi, z) that belong together from pairs that do not, from 0 to 1; 0.5 is chance.
 

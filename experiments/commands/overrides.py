@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any
 
 import hydra
@@ -21,11 +22,13 @@ from segar.experiments.settings import (
     hand_on_password,
     is_level_file,
     path_of,
+    require,
     without_files,
 )
 from segar.suites import suites
 from segar.support import object_name
 
+MOST_RUNS = 100_000  # of a sweep or a grid; the largest of the paper has some hundreds
 SEARCH_PATH = "hydra.searchpath"
 # The setting that takes the name of an own object where a group of choices is given one.
 OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "observation.name"}
@@ -131,17 +134,21 @@ def with_search_path(overrides: Sequence[str], places: Sequence[str]) -> list[st
 
 def single_runs(overrides: Sequence[str]) -> list[list[str]]:
     """Lists of overrides without sweeps that together name every swept choice of a group, every swept own object and number of
-    frames; of other sweeps, one value."""
+    frames; of other sweeps, one value. Raises :class:`ConfigError` for more runs than a sweep may have."""
+    number_of_runs(overrides)  # refuses too many of them
     alternatives = [alternatives_of(one) for one in parse(overrides)] or [[text] for text in overrides]
     found = [one for one in alternatives if one]
     return [[one[i % len(one)] for one in found] for i in range(max(map(len, found), default=1))]
 
 
 def number_of_runs(overrides: Sequence[str]) -> int:
-    """How many runs a sweep has; 0 where values are not listed, as in a glob or where another program chooses them."""
+    """How many runs a sweep has; 0 where values are not listed, as in a glob or where another program chooses them.
+    Raises :class:`ConfigError` for more than a sweep may have."""
     swept = [one for one in parse(overrides) if one.is_sweep_override()]
     listed = all(one.is_discrete_sweep() and not isinstance(one.value(), Glob) for one in swept)
-    return math.prod(len([*one.sweep_string_iterator()]) for one in swept) if listed else 0
+    number = math.prod(len([*islice(one.sweep_string_iterator(), MOST_RUNS + 1)]) for one in swept) if listed else 0
+    require(number <= MOST_RUNS, "--multirun", f"{number:,} runs or more", f"at most {MOST_RUNS:,} runs")
+    return number
 
 
 def alternatives_of(override: Override) -> list[str]:
@@ -150,8 +157,9 @@ def alternatives_of(override: Override) -> list[str]:
         return [str(override.input_line)]
     if not override.is_discrete_sweep() or isinstance(override.value(), Glob):
         return []
-    values = [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
-    return values if is_choice(override) or override.key_or_group in (*OWN_NAMES.values(), FRAMES) else values[:1]
+    every = is_choice(override) or override.key_or_group in (*OWN_NAMES.values(), FRAMES)
+    values = islice(override.sweep_string_iterator(), MOST_RUNS if every else 1)
+    return [f"{override.get_key_element()}={value}" for value in values]
 
 
 def explain_overrides(error: Exception, overrides: Sequence[str], config_name: str) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from segar.experiments.commands.hydra_app import compose
+from segar.experiments.commands.overrides import MOST_RUNS
 from segar.experiments.reproduction.experiment_file import BASE, GridConfig
 from segar.experiments.settings import (
     GridPoint,
@@ -26,7 +27,6 @@ from segar.experiments.settings import (
 KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
 NUMBERS_OF_LEVELS = ("n", "levels", "log_n", "cell")  # columns that say how many training levels there are
 AGENT_SEED, LEVEL_SEED = "seed of the agent", "seed of the levels"  # columns of a study's runs
-MOST_RUNS = 100_000  # of a grid; the largest of the paper has some hundreds
 KIND = ".kind"  # ends the names of columns without the settings that a grid varies
 
 

@@ -104,6 +104,8 @@ def typed(path: Path, table: pa.Table, schema: pa.Schema) -> pa.Table:
             table = table.set_column(place, one, column := table.column(place).cast(one.type))
         except pa.ArrowException as error:
             raise RunFolderError(f"{path}: its column '{one.name}' is of another kind: {first_line(error)}") from error
-        if column.null_count or (pa.types.is_integer(one.type) and min(column.to_pylist(), default=0) < 0):
-            raise RunFolderError(f"{path}: in its column '{one.name}' something is absent or below 0; restore the file")
+        if column.null_count:
+            raise RunFolderError(f"{path}: in its column '{one.name}' something is absent; restore the file")
+        if pa.types.is_integer(one.type) and min(column.to_pylist(), default=0) < 0:
+            raise RunFolderError(f"{path}: in its column '{one.name}' something is below 0; restore the file")
     return table

@@ -19,6 +19,7 @@ from segar.experiments.commands.hydra_app import (
 )
 from segar.experiments.commands.overrides import (
     VALUE,
+    number_of_runs,
     parse,
     quoted,
     single_runs,
@@ -208,6 +209,16 @@ def test_a_sweep_is_told_with_the_number_of_its_runs_and_what_decides_their_time
     for values in ("interval(1,2)", "1"):  # another program chooses the values; no sweep
         monkeypatch.setattr("sys.argv", ["train", f"seed={values}", *["--multirun"] * (values != "1")])
         assert check_command_line("config")[1] == 0
+
+
+def test_a_sweep_of_more_runs_than_anyone_has_time_for_is_refused_before_they_are_listed():
+    with initialized():
+        assert number_of_runs(["seed=range(1,100001)"]) == 100_000
+        for sweep in ("seed=range(1,1000000000)", "scale.frames=range(1,1000000000)"):
+            with pytest.raises(ConfigError, match=r"--multirun: '100,001 runs or more'.* at most 100,000 runs"):
+                single_runs([sweep])
+        with pytest.raises(ConfigError, match="1,000,000 runs"):
+            single_runs(["seed=range(1,1001)", "scale.count=range(1,1001)"])
 
 
 def test_a_search_path_is_added_to_the_one_that_is_stated():
