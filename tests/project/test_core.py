@@ -39,3 +39,22 @@ def test_a_planted_core_has_of_each_axis_what_tells_methods_apart_and_nothing_to
     best = suites[suites["counts"]].sort_values("methods_share").drop_duplicates("axis", keep="last")["suite"]
     assert {*best} <= {*chosen[: len(best)]} and names[0] not in chosen and core.FEWEST <= len(chosen) <= core.MOST
     assert core.agreement(table, chosen).coefficient.estimate > core.agreement(table, names[2::2]).coefficient.estimate
+
+
+def test_a_core_is_confirmed_by_the_second_half_alone_and_not_before_all_of_its_runs_are_there():
+    """A core that ranks nothing in the first half does in the second: which verdict the page gives of which, and when."""
+    rng = np.random.default_rng(0)
+    names = [*core.scores()["suite"].unique()]
+    table = pd.DataFrame([
+        {"row": row, "suite": name, "seed": seed, core.PRACTICE: 0.3 + 0.1 * m * (seed > 5) + rng.normal(0, 0.05)}
+        for m, row in enumerate("abcd") for name in names for seed in range(1, 11)
+    ])  # fmt: skip
+    first, second, there = core.halves(table)
+    assert len(first) == len(second) == there == 4 * 5 * len(names)
+    suites = core.described(first).assign(place=np.nan)
+    chosen = names[: core.FEWEST]
+    whole, partly = core.page(table, suites, chosen), core.page(table[:-1], suites, chosen)
+    assert "**On seeds 6 to 10, which chose nothing, the core ranks these learners:**" in whole and "ten seeds" in whole
+    assert "On seeds 1 to 5, by which it was chosen, it does not rank them." in whole and "Nothing is" not in whole
+    assert "**On seeds 1 to 5 the chosen core does not rank these learners.** Nothing is confirmed" in partly
+    assert f"of the {there} runs of seeds 6 to 10,\n{there - 1} are there" in partly and "five seeds" in partly
