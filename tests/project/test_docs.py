@@ -125,6 +125,10 @@ def test_a_program_runs_and_prints_what_the_page_says(program):
     assert printed[program.name] == (program.output or "")
 
 
+def test_no_program_that_runs_names_a_place_that_the_reader_has_to_fill_in():
+    assert [program for program in PROGRAMS if re.search(r"\b(FOLDER|FILE|NAME|ROW)\b", program.source)] == []
+
+
 def test_every_program_has_a_name_of_its_own():
     names = [program.name for program in PROGRAMS if not program.name.endswith(".sh")]
     assert not {name for name in names if names.count(name) > 1}
