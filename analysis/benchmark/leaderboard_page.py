@@ -157,7 +157,7 @@ def practice_table(rows: Mapping[str, Row], board: pd.DataFrame) -> str:
             named(rows[name]),
             interval(found[name]),
             over_suites(found[name]),
-            number(scores[name]),
+            number(scores.get(name, math.nan)),
             str(found[name]["seeds"]),
         ]
         for name in sorted(found)

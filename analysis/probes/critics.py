@@ -177,10 +177,7 @@ def train_distance_critics(
 
 
 def train_paper_critic(
-    x: Tensor,
-    z: Tensor,
-    shuffle: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]],
-    rng: torch.Generator,
+    x: Tensor, z: Tensor, shuffle: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]], rng: torch.Generator
 ) -> PaperCritic:
     """The critic of 2022, trained on pairs and on what ``shuffle`` makes of them.
 

@@ -26,11 +26,7 @@ COLUMNS = (
 
 
 def probe_factors(
-    pairs: Pairs,
-    rng: np.random.Generator,
-    *,
-    probes: Sequence[str] = tuple(PROBES),
-    nearest: bool = True,
+    pairs: Pairs, rng: np.random.Generator, *, probes: Sequence[str] = tuple(PROBES), nearest: bool = True
 ) -> pd.DataFrame:
     """What can be read of each factor: one row per factor, probe and quantity.
 

@@ -59,7 +59,7 @@ def aggregates(
     Raises:
         SegarError: a column is missing, or a task lacks a run.
     """
-    return interval_rows(matrices(table, score, task), AGGREGATES, "metric", rng, resamples, Estimate.between)
+    return interval_rows(matrices(table, score, task), AGGREGATES, "metric", rng, resamples)
 
 
 def performance_profiles(
@@ -72,8 +72,8 @@ def performance_profiles(
     resamples: int = RESAMPLES,
 ) -> pd.DataFrame:
     """Share of runs, over all tasks, that score above each threshold: columns ``algorithm``, ``threshold``, ``estimate``,
-    ``low``, ``high`` (95 %, of each point by itself; without width where all runs, three at least, are on one side), ``n``;
-    raises as :func:`aggregates`."""
+    ``low``, ``high`` (95 %, of each point by itself), ``n``, ``p`` (nan), ``level``, ``note``. Of fewer than three runs, or
+    where all resamples have one share, there is no interval. Raises as :func:`aggregates`."""
     shares = {float(at): lambda runs, at=at: (runs > at).mean(axis=(-2, -1)) for at in thresholds}
     return interval_rows(matrices(table, score, task), shares, "threshold", rng, resamples)
 
@@ -84,7 +84,6 @@ def interval_rows(
     column: str,
     rng: np.random.Generator,
     resamples: int,
-    interval: Callable[[float, float, float, int], Estimate] = Estimate,
 ) -> pd.DataFrame:
     """Each function of each scores ``[runs, tasks]``, with its 95 % interval, where there are three runs; ``column``
     says which function."""
@@ -94,7 +93,7 @@ def interval_rows(
         for label, function in functions.items():
             value, few = float(function(values)), too_few(values)
             low, high = (float(end) for end in np.quantile(function(drawn), (0.025, 0.975)))
-            one = interval(value, low, high, values.size)
+            one = Estimate.between(value, low, high, values.size)
             if few:
                 one = Estimate(value, np.nan, np.nan, values.size, note=few)
             rows.append(one.row(**{"algorithm": name, column: label}))

@@ -40,10 +40,7 @@ class TrainingLevels(SavedState):
     saved, parts = ("steps", "lines"), ("log", "sums", "explorer")
 
     def __init__(
-        self,
-        prepared: Prepared,
-        make_env: Callable[[Levels], Any],
-        make_trial_env: Callable[[Levels, int], VectorEnv],
+        self, prepared: Prepared, make_env: Callable[[Levels], Any], make_trial_env: Callable[[Levels, int], VectorEnv]
     ) -> None:
         config, (train, test) = prepared.config, prepared.level_sets
         settings = settings_of(config)

@@ -22,7 +22,9 @@ from segar.experiments.reproduction.experiment_file import (
     entry,
     experiment_at,
 )
+from segar.experiments.runs.own_modules import is_own, names_in
 from segar.experiments.runs.run_folder import LONGEST
+from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import ConfigError, add_module_path, construct, flat, require, without_files
 from segar.support import data_in, read_yaml
 
@@ -62,9 +64,10 @@ def read_study(path: Path) -> StudyFile:
     """The study in a file; from now on, modules are also looked for in the folder of the file.
 
     Raises:
-        ConfigError: the file cannot be read, or says something wrong; the message says where.
+        ConfigError: the file cannot be read, or says something wrong; the message says where. RunFolderError: it names code of
+            SEGAR, of Python or of an installed package, and somebody else wrote it.
     """
-    data = data_in(path.resolve(), "a study", ConfigError, read_yaml, LONGEST)
+    data, text = data_in(path.resolve(), "a study", ConfigError, lambda raw: (read_yaml(raw), raw.decode()), LONGEST)
     if not isinstance(data, Mapping):
         raise ConfigError(f"{path} is no study: it holds {type(data).__name__}, not keys such as title and grid")
     if not path.stem.replace("-", "_").isidentifier():
@@ -73,6 +76,7 @@ def read_study(path: Path) -> StudyFile:
     add_module_path([str(folder)])
     try:
         data = without_files(data, folder=folder)
+        settings_of_file(path, data, {one.package for _, one in names_in(data) if is_own(one.package)}, text)
         config = construct(StudyConfig, data, "")
         experiment = {key: value for key, value in data.items() if key != "settings"}
         experiment_at(path.stem, experiment, next(iter(config.scales), ""))

@@ -36,7 +36,9 @@ def absolute_path(path: Path | str) -> Path:
         str(found).encode()  # not every library takes names that are no text
         found.exists()
     except (OSError, RuntimeError, ValueError) as error:
-        raise RunFolderError(f"{shown(str(path))} is no place for files: {error}") from error
+        raise RunFolderError(
+            f"{shown(str(path))} is no place for files: {error}; choose another, or set PYTHONUTF8=1"
+        ) from error
     return found
 
 

@@ -46,6 +46,14 @@ def own_packages(settings: Any) -> set[str]:
     return {name.partition(".")[0] for name in modules_named(settings)} - {OURS}
 
 
+def is_own(package: str) -> bool:
+    """Whether an import would find a package in a folder of the user's, or nowhere: not in Python, the installed or ours."""
+    spec = segar.__spec__ if package == "__main__" else importlib.util.find_spec(package)
+    places = (spec.origin, *(spec.submodule_search_locations or ())) if spec else ()
+    found = [Path(place).resolve() for place in places if place]
+    return not any(is_installed(one) or not one.exists() or any(map(one.is_relative_to, OUR_FOLDERS)) for one in found)
+
+
 def folders_of(settings: Any) -> tuple[str, ...]:
     """The folders from which the modules that settings name are imported, without those of installed packages and our own."""
     found = (importlib.util.find_spec(name) for name in sorted(own_packages(settings)))

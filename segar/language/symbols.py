@@ -159,7 +159,8 @@ class Symbol(ScalarArithmetic, Traced, stands_for=(float, bool, int)):
     def __float__(self) -> float:
         return self.refuse("float(), int(), math.* and numpy")
 
-    __int__ = __index__ = __complex__ = __float__  # type: ignore[assignment]
+    __int__ = __complex__ = __float__  # type: ignore[assignment]
+    __index__ = property(__float__)  # type: ignore[assignment] # also whoever asks whether there is one is refused
 
     def __array__(self, *_: Any, **__: Any) -> Any:
         raise refusal(NO_NUMPY)

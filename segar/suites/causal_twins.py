@@ -103,7 +103,10 @@ class Twins:
 
     @property
     def note(self) -> str:
-        """What a reader has to know of suites whose training and test levels have one distribution; empty for others."""
+        """What a reader has to know of suites whose training and test levels have one distribution, or that have no twin; empty
+        for others."""
+        if not any(one.found.any() for one in self.groups):
+            return f"no level of {self.suite.name} has a twin: the planner solved no draw, or the task says of none 'success'"
         if self.differing:
             return ""
         return (

@@ -83,10 +83,7 @@ def write_repeats(w: Writer, sums: list[tuple[str, str]]) -> None:
     """Add for all other quiet partners what one of them added: local names of sums, and values. Zeros need no adding."""
     if not sums:
         return
-    with (
-        w.block(f"if {' or '.join(f'{value} != 0.0' for _, value in sums)}:"),
-        w.block("for _ in range(1, quiet):"),
-    ):
+    with w.block(f"if {' or '.join(f'{value} != 0.0' for _, value in sums)}:"), w.block("for _ in range(1, quiet):"):
         for name, value in sums:
             w.line(f"{name} += {value}")
 

@@ -11,13 +11,14 @@ import pytest
 from mlflow import MlflowClient
 
 from segar.analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
-from segar.analysis.benchmark.leaderboard_page import escaped
+from segar.analysis.benchmark.leaderboard_page import escaped, practice_table
 from segar.analysis.benchmark.make import BOARD, CAUSES, PAGE, PROFILE, SCORES, report_rows
 from segar.analysis.benchmark.scores import (
     DRAWN,
     OVERALL,
     PRACTICE,
     beats_chance,
+    by_name,
     figures_of,
     leaderboard,
     learners_on,
@@ -245,6 +246,11 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
     asked = placed - {"evolution"}  # which is at chance; nor are those with few seeds
     assert {"ahead", "behind"} < asked and f"of {len(asked)} learners" in rest
     assert "`recorded` (not verified)" in rest
+    board = leaderboard(
+        found.assign(score=np.nan), suites_compared(found)
+    )  # as where the references played other levels
+    table = practice_table(by_name(rows_in([rows])), board)
+    assert re.search(r"\| `recorded` \| 0\.\d\d .* \| – \| 5 \|", table)
 
 
 def test_rows_that_nobody_has_verified_say_so_in_every_table(tmp_path, monkeypatch):

@@ -20,7 +20,7 @@ from segar.experiments.reproduction.experiment_file import experiment_at
 from segar.experiments.reproduction.grid import grid_runs
 from segar.experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from segar.experiments.reproduction.study_file import read_study, schema
-from segar.experiments.settings import ConfigError, RunConfig
+from segar.experiments.settings import ConfigError, RunConfig, RunFolderError
 from segar.experiments.study import study_of
 from tests.experiments.short_runs import run_module
 
@@ -103,6 +103,27 @@ def test_a_transfer_in_two_spellings_is_refused_as_the_same(tmp_path):
     path = written(tmp_path, {**GOOD, "transfers": transfers})
     with pytest.raises(ConfigError, match=r"transfers\[1\]: .* must be another transfer than those before it"):
         read_study(path)
+
+
+@pytest.mark.parametrize("name", [
+    "subprocess:run", "os:system", "builtins:eval", "__main__:sys.exit", "numpy:load",
+    "segar.engine.targets.numba_ir:subprocess.run", "experiments.study:json.dumps", "analysis.report.make:Path",
+])  # fmt: skip
+@pytest.mark.parametrize("place", [("settings", "task.name"), ("claims", "distance", "test"), ("grid", "families"),
+                                   ("grid", "designs"), ("settings", "algorithm")])  # fmt: skip
+def test_a_study_reaches_what_lies_beside_it_and_not_python_its_packages_or_segar(tmp_path, monkeypatch, place, name):
+    """Also where something of the same name, which no import would take, lies beside it."""
+    study = copy.deepcopy(GOOD) | {"claims": {"distance": {"says": "x", "test": "mean", "expected": "none"}}}
+    part = study
+    for key in place[:-1]:
+        part = part[key]
+    part[place[-1]] = [name] if place[0] == "grid" else name
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(study))
+    (tmp_path / name.partition(":")[0].partition(".")[0]).mkdir()
+    with pytest.raises(RunFolderError, match=rf"names code that would be imported: {re.escape(name)} \({place[0]}"):
+        read_study(tmp_path / "mine.yaml")
+    monkeypatch.setenv("SEGAR_TRUST", name.partition(":")[0].partition(".")[0])
+    read_study(tmp_path / "mine.yaml")
 
 
 def test_a_tab_is_told_with_its_line(tmp_path):

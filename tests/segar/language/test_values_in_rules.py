@@ -13,7 +13,7 @@ import operator
 import pickle
 import statistics
 from threading import Thread
-from typing import Any, Tuple
+from typing import Any, SupportsIndex, Tuple
 
 import numpy as np
 import pydantic
@@ -229,6 +229,8 @@ REFUSED = {
     "imag": lambda m: of_truth(m.imag == 0),
     "isnan": lambda m: of_truth(math.isnan(m)),
     "length": lambda m: len(m),
+    "has an index": lambda m: of_truth(hasattr(m, "__index__")),
+    "isinstance of an index": lambda m: of_truth(isinstance(m, SupportsIndex)),
     "a place": lambda m: [1.0, 2.0][m],
     "None": lambda m: of_truth(m == None),  # noqa: E711
     "a text": lambda m: of_truth(m != "x"),

@@ -170,6 +170,14 @@ def test_a_policy_that_never_fails_has_no_causes(made, tmp_path):
     assert list(pd.read_csv(tmp_path / "causes.csv")["group"]) == [one.group for one in made.groups]
 
 
+def test_a_suite_without_any_twin_says_why(made):
+    """As where the results of a task do not say what success is, so that no planner solves anything."""
+    none = tuple(dataclasses.replace(one, found=np.zeros_like(one.found)) for one in made.groups)
+    without = dataclasses.replace(made, groups=none)
+    assert "no level of" in without.note and "the task says of none 'success'" in without.note
+    assert without.note in str(find_causes(FailsWhere(made, lambda levels: np.ones(len(levels), np.bool_)), without))
+
+
 def test_a_suite_in_which_nothing_differs_says_so(tmp_path):
     options = {**EASY, "test_levels": 3, "options": {"max_steps": 50}, "samples": 16, "iterations": 2}
     same = freeze(tmp_path / "place-few-v9.toml", train=HARD, test=HARD, **{**options, "axis": "place"})
