@@ -58,7 +58,7 @@ def check_crossings(levels: LevelData, world: language.WorldRules, sub_steps: in
                 f"{unit} {level}: '{layout.names[i]}' and '{layout.names[j]}' can pass each other unseen: at MaxVelocity"
                 f" {speed[level]:g} m/s they come {way[level]:g} m nearer in a sub-step of {1 / rate[level]:g} s, and may come"
                 f" {reach[level]:g} m. Let the levels have a MaxVelocity of at most"
-                f" {math.floor(1000 * speed[level] * reach[level] / way[level]) / 1000:g}, or a Framerate of"
+                f" {0.99 * speed[level] * reach[level] / way[level]:.3g}, or a Framerate of"
                 f" {rate[level] * needed / sub_steps:.9g} with a task of sub_steps={needed}, which keeps the time of a step"
             )
 

@@ -92,7 +92,7 @@ def test_a_refusal_names_the_pair_and_sub_steps_that_are_enough(simulator, sizes
     rate = float(re.search(r"Framerate of ([\d.]+) with a task of sub_steps=(\d+)", str(refusal.value))[1])
     assert f"sub_steps={needed}," in str(refusal.value)
     assert rate == pytest.approx(100.0 * needed / 5)
-    slower = float(re.search(r"MaxVelocity of at most ([\d.]+)", str(refusal.value))[1])
+    slower = float(re.search(r"MaxVelocity of at most ([\d.e-]+),", str(refusal.value))[1])
     for enough in (level(sizes, speed, rate), level(sizes, slower)):
         contacts, beyond = meetings(simulator, enough, 1.0)
         assert (contacts > 0).all()
@@ -142,12 +142,22 @@ def test_narrow_hulls_need_slow_things_and_worlds_without_contacts_or_bounded_sp
     check_crossings(pegs, segar.World(), 5)
 
 
+def test_the_speed_that_is_advised_is_near_the_highest_that_is_accepted_however_small_things_are():
+    for size in (1e-6, 1e-3, 0.04):
+        with pytest.raises(LevelError) as refusal:
+            check_crossings(level((size, size), 10.0), segar.World(), 5)
+        speed = float(re.search(r"MaxVelocity of at most ([\d.e-]+),", str(refusal.value))[1])
+        check_crossings(level((size, size), speed), segar.World(), 5)
+        with pytest.raises(LevelError, match="can pass each other unseen"):
+            check_crossings(level((size, size), 1.02 * speed), segar.World(), 5)
+
+
 @pytest.mark.parametrize(("shape", "middle"), [(Triangle(0.2), 0.0), (ConvexHull([(0, 0), (0.3, 0), (0, 0.3)]), 0.1)])
 def test_a_tile_that_is_a_hull_is_never_crossed_unseen_through_its_middle(simulator, shape, middle):
     tile = segar.GoalTile({segar.Shape: shape})
     with pytest.raises(LevelError) as refusal:
         simulator.arrays_of(level((0.02, 0.5), 40.0, tile=tile, mobile=False))
-    speed = float(re.search(r"MaxVelocity of at most ([\d.]+)", str(refusal.value))[1])
+    speed = float(re.search(r"MaxVelocity of at most ([\d.e-]+),", str(refusal.value))[1])
     levels, turns = level((0.02, 0.5), speed, tile=tile, mobile=False), np.linspace(0, 2 * np.pi, 60)
     for direction in np.stack([np.cos(turns), np.sin(turns)], axis=1):
         state, result, seen = start(levels, PHASES), StepResult.empty(PHASES), np.zeros(PHASES, bool)
