@@ -91,7 +91,7 @@ check-results: $(STAMP)
 	$(PY) -m pytest -q -n 2 --dist loadscope -m "results and not slow" tests $(ARGS)
 
 test-slow: $(SLOW_STAMP)
-	$(PY) -m pytest -q -m slow tests $(ARGS)
+	$(PY) -m pytest -q -n 2 -m slow tests $(ARGS)
 
 test-processors: $(STAMP)
 	.ci/processors $(PY) $(ARGS)
