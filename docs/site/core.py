@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from segar.analysis.benchmark.leaderboard_page import (
+    SEEDS,
     TRUSTED_COEFFICIENT,
     interval,
     markdown,
@@ -22,7 +23,7 @@ from segar.analysis.benchmark.scores import DRAWN, PRACTICE
 from segar.analysis.plotting import style
 from segar.analysis.plotting.figures import legend_below, new_figure, save_figure, zero_line
 from segar.analysis.stats.estimate import mean_of_replicates
-from segar.analysis.stats.ranking import Generalizability, generalizability, places
+from segar.analysis.stats.ranking import MOST_SUITES, Generalizability, generalizability, places
 from segar.suites import outline
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -134,8 +135,25 @@ def page(table: pd.DataFrame, suites: pd.DataFrame, core: list[str]) -> str:
         says=says, trusted=TRUSTED_COEFFICIENT, here=interval(vars(found.coefficient)), all=interval(vars(every.coefficient)),
         methods=found.methods, n=len(core), candidates=len(suites), suites=markdown(head, lines, texts=4),
         rows=markdown(["learner", "place", "success above chance"], rows), components=parts["components"],
-        needed=parts["needed"], seeds="ten" if len(second) else "five",
+        needed=parts["needed"], seeds="ten" if len(second) else "five", others=other_outcomes(used, second, core),
     )  # fmt: skip
+
+
+def other_outcomes(used: pd.DataFrame, second: pd.DataFrame, core: list[str]) -> str:
+    """How many suites name the winner by score and by time (rule 5), of those on which every run has a number. Empty before the
+    second half is there."""
+    lines = []
+    for name, column, part in (("score", "score", used), ("time, seeds 6 to 10", "steps", second)):
+        lacking = {*part.loc[part[column].isna(), "suite"]} if len(second) else {*core}
+        suites = [one for one in core if one not in lacking]
+        if len(suites) > 1:
+            found = agreement(part, suites, column)
+            words = [str(found.suites_needed(seeds) or f"more than {MOST_SUITES}") for seeds in SEEDS]
+            lines.append([name, str(len(suites)), interval(vars(found.coefficient)), *words])
+    head = ["outcome", "suites", "coefficient", *(f"suites needed, {seeds} seeds" for seeds in SEEDS)]
+    return (
+        f"By other outcomes, on the suites on which every run has a number:\n\n{markdown(head, lines)}" if lines else ""
+    )
 
 
 def verdict(found: Generalizability) -> str:
@@ -184,7 +202,8 @@ share their places.
 {components}
 In planted tables with these components, the best method has the highest mean in 9 of 10 repetitions with so many suites:
 
-{needed}"""
+{needed}
+{others}"""
 
 
 def figure(table: pd.DataFrame, suites: pd.DataFrame) -> Figure:

@@ -1,6 +1,7 @@
 """What the page of the core says follows from its tables by the rules."""
 
 import importlib.util
+import re
 
 import numpy as np
 import pandas as pd
@@ -49,6 +50,8 @@ def test_a_core_is_confirmed_by_the_second_half_alone_and_not_before_all_of_its_
         {"row": row, "suite": name, "seed": seed, core.PRACTICE: 0.3 + 0.1 * m * (seed > 5) + rng.normal(0, 0.05)}
         for m, row in enumerate("abcd") for name in names for seed in range(1, 11)
     ])  # fmt: skip
+    table = table.assign(score=table[core.PRACTICE], steps=table[core.PRACTICE].where(table["seed"] > 5))
+    table.loc[table["suite"] == names[0], "steps"] = np.nan
     first, second, there = core.halves(table)
     assert len(first) == len(second) == there == 4 * 5 * len(names)
     suites = core.described(first).assign(place=np.nan)
@@ -56,5 +59,8 @@ def test_a_core_is_confirmed_by_the_second_half_alone_and_not_before_all_of_its_
     whole, partly = core.page(table, suites, chosen), core.page(table[:-1], suites, chosen)
     assert "**On seeds 6 to 10, which chose nothing, the core ranks these learners:**" in whole and "ten seeds" in whole
     assert "On seeds 1 to 5, by which it was chosen, it does not rank them." in whole and "Nothing is" not in whole
+    other = re.findall(r"^\| (score|time, seeds 6 to 10) \| (\d+) \| \d\.\d\d \[", whole, re.M)
+    assert other == [("score", str(core.FEWEST)), ("time, seeds 6 to 10", str(core.FEWEST - 1))]
+    assert "By other outcomes" not in partly
     assert "**On seeds 1 to 5 the chosen core does not rank these learners.** Nothing is confirmed" in partly
     assert f"of the {there} runs of seeds 6 to 10,\n{there - 1} are there" in partly and "five seeds" in partly
