@@ -1,7 +1,8 @@
 """The core of suites that the rules of decisions 0041 and 0050 choose, from success on frozen test levels.
 
 ``python docs/site/core.py`` reads ``docs/results/core/scores.csv``, and for what the rows of the benchmark have played already
-``docs/results/benchmark/scores.csv``. It writes ``suites.csv``, ``core.png`` and the page ``findings.md`` beside the former.
+``docs/results/benchmark/scores.csv``; and ``panel.csv``, what ``segar benchmark panel=true`` wrote into ``panel.json`` for the five
+suites that it had not played. It writes ``suites.csv``, ``core.png`` and the page ``findings.md`` beside the former.
 """
 
 from pathlib import Path
@@ -108,6 +109,7 @@ def chosen(table: pd.DataFrame, suites: pd.DataFrame) -> list[str]:
 def page(table: pd.DataFrame, suites: pd.DataFrame, core: list[str]) -> str:
     """The page in Markdown."""
     first, second, there = halves(table)
+    panel = pd.read_csv(FOLDER / "panel.csv")
     used = pd.concat([first, second])
     found, every = agreement(first, core), agreement(first, [*suites["suite"]])
     lines = [
@@ -136,6 +138,7 @@ def page(table: pd.DataFrame, suites: pd.DataFrame, core: list[str]) -> str:
         methods=found.methods, n=len(core), candidates=len(suites), suites=markdown(head, lines, texts=4),
         rows=markdown(["learner", "place", "success above chance"], rows), components=parts["components"],
         needed=parts["needed"], seeds="ten" if len(second) else "five", others=other_outcomes(used, second, core),
+        replay=reached(panel, "replay of the practice plans"), nearest=reached(panel, "plan of the nearest training level"),
     )  # fmt: skip
 
 
@@ -154,6 +157,12 @@ def other_outcomes(used: pd.DataFrame, second: pd.DataFrame, core: list[str]) ->
     return (
         f"By other outcomes, on the suites on which every run has a number:\n\n{markdown(head, lines)}" if lines else ""
     )
+
+
+def reached(panel: pd.DataFrame, player: str) -> str:
+    """From where to where a player of the panel stands on drawn levels."""
+    drawn = panel.loc[panel["player"] == player, "drawn"]
+    return f"{number(drawn.min(), 3)} to {number(drawn.max(), 3)}"
 
 
 def verdict(found: Generalizability) -> str:
@@ -179,8 +188,9 @@ for seeds 1 to 5 on the ten suites of the old core, from [`../benchmark/scores.c
 check-results` makes it again.
 
 Of the players that admit a suite, the planner solves all frozen test levels of `goal-faster-v1`, `kind-swapped-v1`,
-`place-other-way-v1`, `property-light-v1` and `sight-charge-v1`, and random play 0.13 to 0.15 of them. Replay and the nearest
-plan have not played these five on drawn levels yet.
+`place-other-way-v1`, `property-light-v1` and `sight-charge-v1`, and random play 0.13 to 0.15 of them. On 1,000 drawn levels of
+each ([`panel.csv`](panel.csv), by `segar benchmark panel=true`), replayed plans stand at {replay} above chance, and the plan
+of the nearest training level at {nearest}.
 
 ![Success above chance of each learner on each candidate, one point for each seed](core.png)
 
