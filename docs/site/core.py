@@ -1,8 +1,8 @@
 """The core of suites that the rules of decisions 0041 and 0050 choose, from success on frozen test levels.
 
 ``python docs/site/core.py`` reads ``docs/results/core/scores.csv``, and for what the rows of the benchmark have played already
-``docs/results/benchmark/scores.csv``; and ``panel.csv``, what ``segar benchmark panel=true`` wrote into ``panel.json`` for the five
-suites that it had not played. It writes ``suites.csv``, ``core.png`` and the page ``findings.md`` beside the former.
+``docs/results/benchmark/scores.csv``; and ``panel.csv``, what ``segar benchmark panel=true`` found on the five suites that it
+had not played. It writes ``suites.csv``, ``core.png`` and the page ``findings.md`` beside the former.
 """
 
 from pathlib import Path
