@@ -162,7 +162,8 @@ class Symbol(ScalarArithmetic, Traced, stands_for=(float, bool, int)):
     __int__ = __complex__ = __float__  # type: ignore[assignment]
     __index__ = property(__float__)  # type: ignore[assignment] # also whoever asks whether there is one is refused
 
-    def __array__(self, *_: Any, **__: Any) -> Any:
+    @property
+    def __array__(self) -> Any:
         raise refusal(NO_NUMPY)
 
     def __repr__(self) -> str:

@@ -230,6 +230,7 @@ REFUSED = {
     "isnan": lambda m: of_truth(math.isnan(m)),
     "length": lambda m: len(m),
     "has an index": lambda m: of_truth(hasattr(m, "__index__")),
+    "is an array": lambda m: of_truth(hasattr(m, "__array__")),
     "isinstance of an index": lambda m: of_truth(isinstance(m, SupportsIndex)),
     "a place": lambda m: [1.0, 2.0][m],
     "None": lambda m: of_truth(m == None),  # noqa: E711
