@@ -246,11 +246,10 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
     asked = placed - {"evolution"}  # which is at chance; nor are those with few seeds
     assert {"ahead", "behind"} < asked and f"of {len(asked)} learners" in rest
     assert "`recorded` (not verified)" in rest
-    board = leaderboard(
-        found.assign(score=np.nan), suites_compared(found)
-    )  # as where the references played other levels
-    table = practice_table(by_name(rows_in([rows])), board)
-    assert re.search(r"\| `recorded` \| 0\.\d\d .* \| – \| 5 \|", table)
+    # As where returns of references are no numbers.
+    unscored = found.assign(score=np.nan, **{PRACTICE: found["test_success"]})
+    table = practice_table(by_name(rows_in([rows])), leaderboard(unscored, suites_compared(found)))
+    assert re.search(r"\| `recorded` \| \d\.\d\d.* \| – \| 5 \|", table)
 
 
 def test_rows_that_nobody_has_verified_say_so_in_every_table(tmp_path, monkeypatch):
