@@ -240,7 +240,7 @@ def figure(table: pd.DataFrame, suites: pd.DataFrame) -> Figure:
 def found_now() -> tuple[pd.DataFrame, pd.DataFrame, list[str]]:
     """The scores, the suites in the order of the core and then by name, and the core."""
     table = scores()
-    first = table[table["seed"].isin(FIRST_HALF)]
+    first, *_ = halves(table)
     suites = described(first)
     core = chosen(first, suites)
     suites["place"] = [core.index(one) + 1 if one in core else np.nan for one in suites["suite"]]

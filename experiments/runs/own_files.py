@@ -23,7 +23,7 @@ from pathlib import Path
 from types import ModuleType
 from weakref import WeakKeyDictionary
 
-from segar.experiments.runs.own_modules import OUR_FOLDERS, OURS, find_file, imported_by, is_installed, source_reached
+from segar.experiments.runs.own_modules import OURS, find_file, imported_by, is_library, source_reached
 from segar.experiments.runs.run_folder import CONFIG, JOURNAL
 from segar.experiments.runs.source_text import nodes_of, normalised
 from segar.experiments.settings import ConfigError, imported_from
@@ -191,8 +191,7 @@ def _is_own(path: Path, root: Path) -> bool:
     """Whether a file is the user's: none of ours, of an installed package, or of the system's."""
     name = Path(_name(path, root))
     is_hidden = any(part.startswith(".") for part in name.parts)
-    is_library = any(path.is_relative_to(one) for one in OUR_FOLDERS) or is_installed(path)
-    return not is_hidden and not is_library and not any(name.is_relative_to(one) for one in SYSTEM)
+    return not is_hidden and not is_library(path) and not any(name.is_relative_to(one) for one in SYSTEM)
 
 
 def _name(path: Path, root: Path) -> str:

@@ -51,7 +51,7 @@ def is_own(package: str) -> bool:
     spec = segar.__spec__ if package == "__main__" else importlib.util.find_spec(package)
     places = (spec.origin, *(spec.submodule_search_locations or ())) if spec else ()
     found = [Path(place).resolve() for place in places if place]
-    return not any(is_installed(one) or not one.exists() or any(map(one.is_relative_to, OUR_FOLDERS)) for one in found)
+    return all(one.exists() and not is_library(one) for one in found)
 
 
 def folders_of(settings: Any) -> tuple[str, ...]:
@@ -116,6 +116,11 @@ def is_installed(path: Path) -> bool:
     """Whether a file belongs to Python or to a package that was installed, rather than to a checkout or a folder of scripts."""
     folders = (sysconfig.get_path(kind) for kind in ("stdlib", "platstdlib", "purelib", "platlib"))
     return any(path.is_relative_to(folder) for folder in folders) or "site-packages" in path.parts
+
+
+def is_library(path: Path) -> bool:
+    """Whether a file belongs to Python, to a package that was installed, or to SEGAR."""
+    return is_installed(path) or any(map(path.is_relative_to, OUR_FOLDERS))
 
 
 def modules_reached(module: str) -> dict[str, Path]:

@@ -99,8 +99,7 @@ def playground(chosen: argparse.Namespace) -> None:
     given = {name: named_observation(name) for name in chosen.observation or ()}
     if chosen.policy is not None and player is None:
         player = read_policy(Path(chosen.policy), levels, observations=given, task=chosen.task)
-    sees_frames = player is not None and len(player.network.observation_shape) == 3
-    weights = chosen.weights or ("float8" if is_match and sees_frames else WEIGHTS[0])
+    weights = chosen.weights or ("float8" if is_match and player and player.network.dtype == "uint8" else WEIGHTS[0])
     if chosen.plans:
         count = len(levels) + (0 if test is None else len(test))
         print(f"segar: finding plans of {counted(count, 'level')}, in about 0.1 s each", file=sys.stderr, flush=True)
