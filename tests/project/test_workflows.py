@@ -1,8 +1,11 @@
 """The workflows ask for what there is: targets of the Makefile, Python versions that SEGAR supports, and its version."""
 
+import os
 import re
 import subprocess
+import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 import yaml
@@ -39,3 +42,9 @@ def test_the_tests_run_on_every_python_that_the_package_names():
 def test_a_tag_that_is_not_the_version_is_refused():
     dry = subprocess.run(["make", "-n", "dist", "TAG=v9.9"], cwd=ROOT, capture_output=True, text=True, check=True)
     assert '[ -e "dist/segar-9.9.tar.gz" ]' in dry.stdout
+
+
+def test_the_program_that_tries_a_new_wheel_runs():
+    tried = jobs_of(ROOT / ".github/workflows/release.yml")["wheel"]["steps"][-1]["run"]
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    subprocess.run(["bash", "-e", "-c", tried], env={**os.environ, "PATH": path}, capture_output=True, check=True)
