@@ -22,7 +22,7 @@ export function matchOf(page) {
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const main = document.getElementById("page");
   const [name, about] = ["title", "about"].map((id) => document.getElementById(id));
-  const before = [name.textContent, about.textContent];
+  const before = [name.textContent, about.textContent, document.title];
   const heading = make("h2");
   const says = make("p");
   const next = make("button", { className: "first", onclick: () => proceed() });
@@ -111,7 +111,7 @@ export function matchOf(page) {
 
   /** What who listens hears. */
   function status() {
-    if (at >= rounds.length) return heading.textContent;
+    if (at >= rounds.length) return `${heading.textContent}. ${says.textContent} Press Enter: ${next.textContent}.`;
     const { you } = played[at];
     const { world, scene, level } = page;
     if (you) return `${title()} is over. ${says.textContent} Press Enter: ${next.textContent}.`;
@@ -154,9 +154,10 @@ export function matchOf(page) {
     const enters = event.key === "Enter" || event.key === " ";
     if (event.key === "Escape") resume();
     if (!arrow && !enters && event.key !== "n") return false;
+    if (at >= rounds.length && event.key !== "Enter") return false; // arrows and Space scroll the result
     if (event.target.closest?.("button, summary, a") && !arrow) return false;
     const { world } = page;
-    if (world.over || at >= rounds.length) {
+    if (world.over) {
       if (!arrow) proceed();
     } else if (enters) page.strike();
     else if (arrow) {
@@ -203,7 +204,7 @@ export function matchOf(page) {
     main.classList.remove("match", "over");
     element.remove();
     page.match = null;
-    [name.textContent, about.textContent] = before;
+    [name.textContent, about.textContent, document.title] = before;
     page.scene.says = (thing) => page.scene.nameOf(thing);
     page.scene.overlays.delete("names");
     page.scene.overlays.add("velocity");
@@ -218,6 +219,7 @@ export function matchOf(page) {
   page.player.speed = SPEED;
   page.scene.says = (thing) => (!thing.agent ? thing.type.goal ? "goal" : thing.type.name : waits() ? "you: drag from here" : "you");
   name.textContent = "Beat the agent";
+  document.title = `${name.textContent}: ${page.about.title} – SEGAR`;
   about.textContent = `${page.levels.about.aim} A trained agent, the violet ghost, plays the same level: five levels as in its training, then five of a test.`;
   return { begin, ended, ghost, key, leave, resume, status, get moves() { return at < rounds.length && waits(); } };
 }

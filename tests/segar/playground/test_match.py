@@ -68,7 +68,7 @@ def test_a_match_is_played_by_keys_alone_and_ends_with_the_gaps_of_python(
             chromium.until(f"window.told.length > {k // 9}")
             chromium.assert_accessible()
         page.keyboard.press("Enter")
-    assert CHANGED in page.inner_text("#match")
+    assert CHANGED in page.inner_text("#match") and page.title().startswith("Beat the agent")
     mine, agents, plans = [], [], []
     for side, levels in enumerate(SETS):
         every = np.arange(len(levels))
@@ -85,6 +85,11 @@ def test_a_match_is_played_by_keys_alone_and_ends_with_the_gaps_of_python(
     chromium.until("window.told.length > 2")
     told = chromium.run("return window.told")
     assert min(np.diff(told)) > 800  # [ms]; the observer may hear late of the first one
+    chromium.until("document.getElementById('said').textContent.includes('Play again')")
+    for key in ("ArrowDown", " "):
+        page.keyboard.press(key)
+    chromium.until("window.scrollY > 0 || document.documentElement.scrollHeight <= window.innerHeight")
+    assert "gap" in page.inner_text("#match h2")  # keys that scroll begin no new match
     assert chromium.messages == []
     assert [one for one in chromium.requests if not one.startswith(("blob:", "data:"))] == [match.as_uri()]
     page.set_viewport_size(before)
