@@ -29,7 +29,8 @@ PART = {"name": str, "options?": (dict, None)}
 SETTINGS = {"observation": PART, "task?": PART}
 ROW = "row.json"  # of a row of the benchmark
 ROW_FORM = {
-    "settings": {"observation": PART},
+    "kind": str,
+    "settings": {"observation?": PART},
     "pieces": [{"suite": str, "suite_hash": str, "seed": int, "file": str}],
 }
 OF_LEVELS, PUTTPUTT = "levels", "puttputt"  # the task of the levels, and of levels that name none
@@ -96,9 +97,10 @@ def read_row_policy(folder: Path, suite: Suite) -> RunPolicy:
     path = folder / ROW
     advice = "; make the row again with segar benchmark"
     row = data_in(path, "a description of a row", SegarError, limit=LONGEST, form=ROW_FORM, advice=advice)
-    pieces = [one for one in row["pieces"] if one["suite"] == suite.name and Path(one["file"]).suffix == ".npz"]
+    networks = row["pieces"] if row["kind"] == "networks" and "observation" in row["settings"] else []
+    pieces = [one for one in networks if one["suite"] == suite.name]
     if not pieces:
-        known = ", ".join(dict.fromkeys(one["suite"] for one in row["pieces"]))
+        known = ", ".join(dict.fromkeys(one["suite"] for one in networks)) or f"'{row['kind']}' alone"
         raise SegarError(f"{path} has no network of {suite.name}, and has {known}; take another row")
     places = [folder / Path(one["file"]).name for one in pieces]
     place, piece = next((one for one in zip(places, pieces, strict=True) if one[0].exists()), (places[0], pieces[0]))
@@ -112,10 +114,8 @@ def read_row_policy(folder: Path, suite: Suite) -> RunPolicy:
         name, options = named_observation(suite, side, seen["name"], seen.get("options"))
         made = resolve(name, OBSERVATIONS, "observation", ())(**options)
         observations.append({seen["name"]: trained_on(made, train)})
-    if not place.exists() and folder.parent == ROWS:
-        network = load(folder.name, suite.name, piece["seed"]).network
-    else:
-        network = Network.load(place)
+    is_published = not place.exists() and folder.parent == ROWS
+    network = load(folder.name, suite.name, piece["seed"]).network if is_published else Network.load(place)
     return RunPolicy(network, place, observations[0], suite.task, {}, observations[1], piece["seed"])
 
 

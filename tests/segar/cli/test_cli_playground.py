@@ -183,7 +183,13 @@ def row_of(suite: segar.suites.Suite, folder: Path, player: Network, seed: int =
     folder.mkdir()
     piece = {"suite": suite.name, "suite_hash": suite.hash, "seed": seed, "file": "player.npz"}
     (folder / "row.json").write_text(
-        json.dumps({"settings": {"observation": {"name": "rgb" if suite.textures else "state"}}, "pieces": [piece]})
+        json.dumps(
+            {
+                "kind": "networks",
+                "settings": {"observation": {"name": "rgb" if suite.textures else "state"}},
+                "pieces": [piece],
+            }
+        )
     )
     player.save(folder / "player.npz")
     return folder
@@ -210,6 +216,13 @@ def test_a_row_on_its_suite_is_a_match_in_the_units_and_with_the_levels_of_its_t
     assert "was trained on another version of the suite" in refused(capsys, *base, row)
     (row / "row.json").write_text("[]")
     assert "row.json: 'all' must be a mapping" in refused(capsys, *base, row)
+
+
+@pytest.mark.parametrize(("row", "has"), [("imitation", "actions"), ("tqc", "onnx"), ("planner", "player")])
+def test_a_row_without_networks_makes_no_match_and_says_what_it_has(capsys, row, has, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = refused(capsys, "place-few-v1", "-o", "page.html", "--policy", row)
+    assert f"{row}/row.json has no network of place-few-v1, and has '{has}' alone; take another row" in said
 
 
 def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
