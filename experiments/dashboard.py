@@ -44,7 +44,7 @@ def server_command(folder: Path, port: int) -> list[str]:
     if not (folder / STORE).exists():
         raise TrackingError(
             f"there is nothing to show yet: no {folder / STORE}. Run something first, for example "
-            "`make reproduce-paper SCALE=smoke`, or name another folder with root=..."
+            "`segar reproduce scale=smoke`, or name another folder with root=..."
         )
     artifacts = (folder / "mlflow-artifacts").as_uri()
     stores = ["--backend-store-uri", store_uri(TrackingConfig(), folder), "--default-artifact-root", artifacts]

@@ -323,9 +323,7 @@ def tables_and_report(config: ReproduceConfig, plan: ReproductionPlan) -> bool:
     if done and config.report and plan.runs:
         done = run_plugin(REPORTS, "report", config.folder)
     elif done and (folder_report := config.folder / PAGE).exists():
-        print(
-            f"note: {folder_report}, claims and figures beside it are of the tables before these; report=true renews them"
-        )
+        print(f"note: {folder_report} and what is beside it are of the tables before these; report=true renews them")
     if done:
         print(f"Tables and report took {in_minutes(time.monotonic() - began)}. Figures and curves in the browser:")
         print(f"  {dashboard(config.run)}")
@@ -336,8 +334,7 @@ def dashboard(run: RunConfig) -> str:
     """The server's address, or the command that opens MLflow's pages over the runs."""
     uri = run.tracking.uri
     if uri is None:
-        root = shlex.quote(str(runs_root(run)))
-        return f"{sys.executable} -m segar dashboard root={root}    (or: make dashboard)"
+        return f"{sys.executable} -m segar dashboard root={shlex.quote(str(runs_root(run)))}"
     uri = without_password(uri)
     return uri if is_server(uri) else f"{sys.executable} -m mlflow server --backend-store-uri '{uri}'"
 

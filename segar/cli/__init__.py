@@ -15,6 +15,7 @@ from segar.support import USAGE_ERROR, Parser, __version__, escape_what_cannot_b
 
 COMPLETION = ("-sc", "--shell-completion")  # by which Hydra is asked what could stand in a command line
 REGISTERED = "segar.commands"
+FURTHER = {"search": ("optuna",), "dashboard": ("flask",)}  # packages of commands, beside those that all of ours need
 FAILURE = 1  # exit status where the machine refuses
 INTERRUPTED = 128 + signal.SIGINT  # exit status after Ctrl-C, as shells have it
 
@@ -62,7 +63,7 @@ def completed_command() -> str:
 def run_registered(command: EntryPoint, arguments: list[str]) -> None:
     """Call the function of a command with these arguments in ``sys.argv``; raises :class:`SegarError` if packages lack."""
     if command.module.startswith("segar."):
-        need(f"segar {command.name}", "hydra", "pandas", *(["optuna"] if command.name == "search" else []))
+        need(f"segar {command.name}", "hydra", "pandas", *FURTHER.get(command.name, ()))
     sys.argv[1:] = arguments
     command.load()()
 

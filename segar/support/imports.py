@@ -209,6 +209,7 @@ EXTRAS = {
     "search": ("optuna",),
     "studio": ("starlette", "uvicorn"),
     "train": ("yaml", "torch", "hydra", "pandas"),
+    "ui": ("flask",),
 }
 
 

@@ -109,8 +109,12 @@ def test_own_modules_are_found_and_hide_no_installed_one(capsys, tmp_path, monke
     assert [spec and spec.origin == str(tmp_path / f"{spec.name}.py") for spec in specs] == [True, False]
 
 
-def test_a_search_without_its_package_says_what_to_install(capsys, monkeypatch):
+@pytest.mark.parametrize(
+    ("command", "package", "extra"), [("search", "optuna", "search"), ("dashboard", "flask", "ui")]
+)
+def test_a_command_without_its_package_says_what_to_install(command, package, extra, capsys, monkeypatch):
     find = importlib.util.find_spec
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "optuna" else find(name))
-    assert cli.main(["search"]) == cli.USAGE_ERROR
-    assert "segar search needs optuna, which is not installed: pip install 'segar[search]'" in capsys.readouterr().err
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == package else find(name))
+    assert cli.main([command]) == cli.USAGE_ERROR
+    wanted = f"segar {command} needs {package}, which is not installed: pip install 'segar[{extra}]'"
+    assert wanted in capsys.readouterr().err
