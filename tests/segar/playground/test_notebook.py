@@ -86,6 +86,12 @@ def test_notebooks_are_kept_without_what_they_show(path: Path):
     assert sum(bool(line.strip()) for cell in code for line in cell["source"]) <= 40
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_that_read_results_ask_for_an_installation_that_finds_them_from_every_folder(path: Path):
+    text = path.read_text()
+    assert ("policies.load" in text) == ("`pip install -e" in text)
+
+
 @pytest.mark.docs
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_a_browser_shows_its_cards_pages_and_videos(path: Path, chromium: Chromium, tmp_path: Path):
