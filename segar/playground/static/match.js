@@ -186,8 +186,7 @@ export function matchOf(page) {
     });
     const [you, agent, planner] = lines;
     heading.textContent = `Your gap is ${signed(you.gap)}, the agent's ${signed(agent.gap)}, the planner's ${signed(planner.gap)}`;
-    says.textContent = you.solved[0] === 0 ? "You solved no training level, so your gap says little: play again."
-      : you.gap >= agent.gap ? "You beat the agent: the test cost you less." : "The agent beats you: the test cost you more.";
+    says.textContent = verdictOf(you, agent);
     next.textContent = "Play again";
     keepScore();
     const rows = lines.map(({ who, train, test, solved, gap }) => [WHO[who], `${solved[0]} of ${number(0)}; ${plain(train)}`, `${solved[1]} of ${number(1)}; ${plain(test)}`, signed(gap)]);
@@ -222,6 +221,13 @@ export function matchOf(page) {
   document.title = `${name.textContent}: ${page.about.title} – SEGAR`;
   about.textContent = `${page.levels.about.aim} A trained agent, the violet ghost, plays the same level: five levels as in its training, then five of a test.`;
   return { begin, ended, ghost, key, leave, resume, status, get moves() { return at < rounds.length && waits(); } };
+}
+
+/** Who wins, by the gaps; a test that is easier than the training helps. */
+export function verdictOf(you, agent) {
+  if (you.solved[0] === 0) return "You solved no training level, so your gap says little: play again.";
+  const [better, worse] = Math.min(you.gap, agent.gap) < 0 ? ["cost you less", "cost you more"] : ["helped you more", "helped you less"];
+  return you.gap >= agent.gap ? `You beat the agent: the test ${better}.` : `The agent beats you: the test ${worse}.`;
 }
 
 function ending({ success, death, steps }) {

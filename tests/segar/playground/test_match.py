@@ -121,6 +121,26 @@ def test_the_whole_playground_is_behind_a_match(chromium: Chromium, match: Path)
     assert chromium.page.inner_text("h1") == chromium.run("return window.playground.about.title")
 
 
+def test_the_verdict_says_that_a_test_costs_only_where_it_does(chromium: Chromium, match: Path) -> None:
+    chromium.open(match)
+    said = {
+        gaps: chromium.run(
+            "return import('segar/match.js').then((match) =>"
+            " match.verdictOf({ gap: argument[0], solved: [1, 0] }, { gap: argument[1] }))",
+            gaps,
+        )
+        for gaps in [(-1.0, -2.0), (-2.0, 1.0), (0.5, -1.0), (2.0, 1.0), (1.0, 2.0)]
+    }
+    assert [one.rpartition(": the test ")[2] for one in said.values()] == [
+        "cost you less.",
+        "cost you more.",
+        "cost you less.",
+        "helped you more.",
+        "helped you less.",
+    ]
+    assert [one.startswith("You beat the agent") for one in said.values()] == [True, False, True, True, False]
+
+
 def test_the_page_that_the_readme_names_has_the_program_of_today() -> None:
     page = (ROOT / "docs" / "beat-the-agent.html").read_text(encoding="utf-8")
     packed = base64.b85decode(re.findall(r'id="data">([^<]*)', page)[0].replace(",", "<"))
