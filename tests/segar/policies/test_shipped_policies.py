@@ -31,6 +31,12 @@ def test_a_policy_by_name_is_that_of_its_file():
     assert (agent(seen) == same(seen)).all() and (agent.act(seen[3]) == same(seen)[3]).all()
 
 
+def test_every_suite_of_the_core_that_is_played_from_states_has_an_agent_in_the_clone():
+    published = {one.path for one in segar.support.read_manifest(RESULTS)}
+    files = {f"benchmark/{ROW}/{name}-s1.npz" for name in segar.suites.CORE if name != "look-far-v1"}
+    assert all((RESULTS / file).exists() for file in files) and not files & published
+
+
 def test_torch_is_not_loaded():
     code = f"import sys, segar; segar.policies.load({ROW!r}, {SUITE!r}); print('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
