@@ -21,10 +21,11 @@ from segar.analysis.benchmark.scores import (
     places_of,
 )
 from segar.analysis.stats.ranking import FEWEST_SEEDS, MOST_SUITES, Generalizability, coverage, generalizability
-from segar.analysis.tables import mean_by, select
+from segar.analysis.tables import keep, mean_by, select
 from segar.experiments.benchmarking.drawn import LEVELS
 from segar.experiments.benchmarking.protocol import BUDGETS, PRIVILEGED, REFERENCES
 from segar.experiments.benchmarking.row import Row, commitment_of_row
+from segar.experiments.runs.own_modules import names_in
 from segar.suites import RANDOM_PLAYS
 from segar.support import templates
 
@@ -42,7 +43,8 @@ def page_text(
     panel: pd.DataFrame | None = None,
 ) -> str:
     """The page in Markdown."""
-    learners = learners_on(table, suites[OVERALL])
+    unaided = without_privileged(rows, table)
+    learners = learners_on(unaided, suites[OVERALL])
     repeated = generalizability(learners, DRAWN, "row", "suite", "seed")
     members = [name for axis, names in suites.items() if axis != OVERALL for name in names]
     environment = templates(Path(__file__).parent, keep_trailing_newline=True)
@@ -56,7 +58,7 @@ def page_text(
         repeated=repeated,
         overall=overall_table(rows, table, board, suites[OVERALL]),
         practice=practice_table(rows, board),
-        chance=chance_text(table, members),
+        chance=chance_text(unaided, members),
         panel=None if panel is None else panel_table(panel),
         axes={words: axes_table(select(board, quantity=one), suites) for one, words in WORDS_OF.items()},
         causes=causes_text(causes, members),
@@ -110,12 +112,12 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
     """Each row with drawn levels of all suites, by place and then by name, and which rows lack a suite."""
     overall = select(board, axis=OVERALL)
     lines_of = {(one["quantity"], one["row"]): one for one in overall.to_dict("records")}  # type: ignore[var-annotated]
-    found, last = places_of(table, suites), (len(rows) + 1, 0)
+    found, last = places_of(without_privileged(rows, table), suites), (len(rows) + 1, 0)
     lines = []
     for name in sorted(select(overall, quantity=DRAWN)["row"], key=lambda one: (found.get(one, last), one)):
-        own = {quantity: lines_of.get((quantity, name)) for quantity in (DRAWN, TIME, "practice_minus_drawn", "score")}
-        unknown: Mapping[str, Any] = dict.fromkeys(("estimate", "low", "suites_low"), float("nan"))
-        drawn, time, apart, score = (own[one] or unknown for one in own)
+        unknown: Mapping[str, Any] = dict.fromkeys(("estimate", "low", "high", "suites_low"), math.nan)
+        quantities = (DRAWN, TIME, "practice_minus_drawn", "score")
+        drawn, time, apart, score = (lines_of.get((one, name), unknown) for one in quantities)
         shown = [interval(drawn), over_suites(drawn), interval(time)]
         shown += [f"{number(apart['estimate'])} {over_suites(apart)}", number(score["estimate"]), str(drawn["seeds"])]
         lines.append(
@@ -142,9 +144,25 @@ like that.
 
 
 def named(row: Row) -> str:
-    """The name of a row, marked where the method knows more than a policy may."""
-    is_privileged = row.method.name in PRIVILEGED or row.method.settings.get("privileged")
-    return f"`{row.method.name}`{' (privileged)' if is_privileged else ''}"
+    """The name of a row, marked where the method knows more than a policy may, where code of the author's, which may see all of
+    the state, makes the observations, and where one file stands for several seeds, so that these are no several agents."""
+    files = [(one.suite, one.file) for one in row.drawn if one.file]
+    marks = {
+        " (privileged)": is_privileged(row),
+        " (own observation)": any(names_in(row.method.settings.get("observation"))),
+        " (one policy for several seeds)": len({*files}) < len(files),
+    }
+    return f"`{row.method.name}`{''.join(mark for mark, holds in marks.items() if holds)}"
+
+
+def is_privileged(row: Row) -> bool:
+    """Whether a method knows more than a policy may, by its own account."""
+    return row.method.name in PRIVILEGED or bool(row.method.settings.get("privileged"))
+
+
+def without_privileged(rows: Mapping[str, Row], table: pd.DataFrame) -> pd.DataFrame:
+    """The lines of rows that are not privileged, which alone have places and tell whether methods can be ranked."""
+    return keep(table, ~table["row"].isin([name for name, row in rows.items() if is_privileged(row)]))
 
 
 def practice_table(rows: Mapping[str, Row], board: pd.DataFrame) -> str:
@@ -153,14 +171,8 @@ def practice_table(rows: Mapping[str, Row], board: pd.DataFrame) -> str:
     found = {one["row"]: one for one in select(overall, quantity=PRACTICE).to_dict("records")}
     scores = {one["row"]: one["estimate"] for one in select(overall, quantity="score").to_dict("records")}
     lines = [
-        [
-            named(rows[name]),
-            interval(found[name]),
-            over_suites(found[name]),
-            number(scores.get(name, math.nan)),
-            str(found[name]["seeds"]),
-        ]
-        for name in sorted(found)
+        [named(rows[name]), interval(one), over_suites(one), number(scores.get(name, math.nan)), str(one["seeds"])]
+        for name, one in sorted(found.items())
         if not rows[name].drawn
     ]
     return markdown(["row", "success above chance, practice", "over suites", "score", "seeds"], lines)

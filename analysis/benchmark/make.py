@@ -63,8 +63,7 @@ def report_rows(
         print(with_marks(overall_table(rows, table, board, suites[OVERALL]), marks))
     for name, one in {SCORES: table, BOARD: board, CAUSES: causes}.items():
         write_csv(folder / name, one.replace({"row": marks}) if marks else one, DIGITS)
-    shown = shown_rows(board)
-    if shown:
+    if shown := shown_rows(board):
         save_figure(profile_figure(board, shown, list(suites)), folder / PROFILE, (".png",))
     panel = pd.DataFrame(read_panel(folder / PANEL)) if (folder / PANEL).exists() else None
     write_text(folder / PAGE, with_marks(page_text(rows, table, board, causes, suites, panel), marks))

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,12 +12,13 @@ import pytest
 from mlflow import MlflowClient
 
 from segar.analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
-from segar.analysis.benchmark.leaderboard_page import escaped, practice_table
+from segar.analysis.benchmark.leaderboard_page import escaped, named, overall_table, practice_table
 from segar.analysis.benchmark.make import BOARD, CAUSES, PAGE, PROFILE, SCORES, report_rows
 from segar.analysis.benchmark.scores import (
     DRAWN,
     OVERALL,
     PRACTICE,
+    QUANTITIES,
     beats_chance,
     by_name,
     figures_of,
@@ -35,6 +37,7 @@ from segar.experiments.benchmarking.row import (
     Method,
     NewPiece,
     Piece,
+    Row,
     add_pieces,
     file_hash,
     hash_of,
@@ -250,6 +253,32 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
     unscored = found.assign(score=np.nan, **{PRACTICE: found["test_success"]})
     table = practice_table(by_name(rows_in([rows])), leaderboard(unscored, suites_compared(found)))
     assert re.search(r"\| `recorded` \| \d\.\d\d.* \| – \| 5 \|", table)
+
+
+def test_a_privileged_row_has_no_place_and_pushes_nobody_from_theirs():
+    """Planted: a row that plans in the simulator solves more than the two others, which are told apart."""
+    rows, lines = {}, []
+    for k, name in enumerate(("planning", "ahead", "behind")):
+        settings = {"privileged": True} if k == 0 else {}
+        drawn = tuple(Drawn(CORE[0], seed, "", "", 1000, 900, 500, 1000, 1, 1, "") for seed in range(1, 6))
+        rows[name] = Row(Method(name, "networks", "", settings=settings), (), Path(), "", drawn=drawn)
+        for one in drawn:
+            line = {"row": name, "axis": "place", "suite": one.suite, "suite_hash": "", "seed": one.seed}
+            lines.append({**line, DRAWN: 0.9 - 0.3 * k + 0.01 * (k + 1) * one.seed})
+    table = pd.DataFrame(lines).reindex(columns=["row", "axis", "suite", "suite_hash", "seed", *QUANTITIES])
+    page = overall_table(rows, table, leaderboard(table, suites_compared(table)), CORE[:1])
+    assert "| `ahead` | 1 |" in page and "| `behind` | 2 |" in page and "| `planning` (privileged) | – |" in page
+
+
+def test_a_row_says_that_code_of_its_own_sees_the_state_and_that_one_policy_stands_for_several_seeds():
+    def shown(view, files):
+        drawn = tuple(Drawn(CORE[0], seed, file, "", 1, 1, 0, 1, 1, 1, "") for seed, file in enumerate(files))
+        method = Method("mine", "onnx", "", settings={"observation": {"name": view, "options": {}}})
+        return named(Row(method, (), Path(), "", drawn=drawn))
+
+    assert shown("state", "ab") == "`mine`"
+    assert shown("my_lab.views:View", "ab") == "`mine` (own observation)"
+    assert shown("state", "aa") == "`mine` (one policy for several seeds)"
 
 
 def test_rows_that_nobody_has_verified_say_so_in_every_table(tmp_path, monkeypatch):
