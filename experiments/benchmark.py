@@ -463,6 +463,8 @@ def with_names(arguments: Sequence[str]) -> list[str]:
             name = "suites"
         if equals and name == "algorithm" and {*value.split(",")} <= {*PLAYERS}:
             name = "player"
+        if name == "salt" and value[:1] not in "'\"":  # words are text, also where Hydra would read a number or a list
+            value = "'" + value.replace("'", "\\'") + "'"
         found.append(f"{name}{equals}{value}")
     return found
 

@@ -74,7 +74,8 @@ class BenchmarkConfig:
         require(self.row in ("", self.player) if self.player else self.row not in PLAYERS, "row", self.row, own)
         if is_foreign and not self.row:
             raise ConfigError("row: name the row of a method that was trained elsewhere: row=NAME")
-        require(bool(suites_named(self.suites)), "suite", "[]", "a suite, or several")
+        some = "a suite, or several; those of textures show themselves in frames alone, such as observation=rgb"
+        require(bool(self.verify or self.chosen_suites()), "suite", list(self.suites), some)
         own_name = "a name of letters, digits, spaces and _ . + -, without folders: rows=FOLDER says where"
         require(not self.row or NAME.fullmatch(self.row) is not None, "row", self.row, own_name)
 

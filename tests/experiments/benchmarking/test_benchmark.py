@@ -456,6 +456,7 @@ MINE = {"policy": "a:b", "row": "mine"}
         ({**MINE, "policy_seconds": float("inf")}, "policy_seconds: inf is not allowed"),
         ({"privileged": True}, "privileged: True is not allowed"),
         ({"suites": ()}, "suite"),
+        ({"suites": ("look-far-v1",)}, r"suite: \['look-far-v1'\] is not allowed; .* such as observation=rgb"),
     ],
 )
 def test_a_method_from_outside_needs_a_name_and_methods_exclude_each_other(tmp_path, settings, message):
@@ -490,6 +491,8 @@ def test_a_command_line_names_suites_and_players():
     with pytest.raises(ConfigError, match="algorithm: policy is of a method that was trained elsewhere"):
         with_names(["algorithm=sac", "policy=a:b", "row=mine"])
     assert with_names(given) == ["suites=core", "player=idle", "algorithm=ppo_fast", "seed=1,2", "--multirun"]
+    words = with_names([f"salt={text}" for text in ("0012", "it's, mine", "'quoted'")])
+    assert words == ["salt='0012'", r"salt='it\'s, mine'", "salt='quoted'"]
 
 
 @pytest.mark.usefixtures("one_process")
