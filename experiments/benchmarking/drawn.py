@@ -16,9 +16,10 @@ from segar.experiments.benchmarking.level_sets import number_of_levels
 from segar.experiments.benchmarking.playing import options_of, play_each, policy_in, read_actions
 from segar.experiments.benchmarking.policy_process import SECONDS, PolicyProcess
 from segar.experiments.benchmarking.row import RANDOM_PLAYS, Drawn, Method, Piece
+from segar.experiments.runs.executed_code import code_of
 from segar.experiments.runs.files import read_json
 from segar.experiments.runs.run_folder import write_json
-from segar.experiments.settings import ConfigError, RunFolderError
+from segar.experiments.settings import ConfigError, RunFolderError, without_files
 from segar.hardness import Plan, plan
 from segar.levels import Levels, hash_of_levels
 from segar.suites import Suite, suite
@@ -41,10 +42,8 @@ class DrawTask:
 
     def found(self) -> Drawn | None:
         """What was written for this commitment."""
-        if not self.path.exists():
-            return None
-        data = read_json(self.path)
-        return Drawn(**data["drawn"]) if data["commitment"] == self.commitment else None
+        data = read_json(self.path) if self.path.exists() else {}
+        return Drawn(**data["drawn"]) if data.get("commitment") == self.commitment else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,12 +125,17 @@ def _acting(
         players = {"idle": Idle, "script": Scripted, "random": lambda: Random(given.seed, 1)}
         yield RecordedActions(given.plan.actions) if method.name == "planner" else players[method.name](), options
         return
-    options = options_of(of, method, train, "test")
+    known = piece.made_with.get("code", {})
+    if changed := [name for name, now in code_of(without_files(method.settings)).items() if known.get(name) != now]:
+        raise ConfigError(
+            f"{', '.join(changed)} changed since the practice levels of {of.name} with seed {piece.seed} were played. Levels"
+            " are drawn from the code, so that no other code may play them: make the row anew, or put the files back"
+        )
+    options = {**options_of(of, method, train, "test"), "unit_actions": False}
     if method.kind != "actions":
         policy, options["unit_actions"] = policy_in(file)
         yield policy, options
         return
-    options["unit_actions"] = False
     name = method.settings["policy"]
     with PolicyProcess(name, of, piece.seed, options, seconds) as policy:
         before, after = read_actions(file)["test"], record_actions(policy, of.test_levels, **options)

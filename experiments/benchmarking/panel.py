@@ -58,10 +58,9 @@ def play_panel(task: PanelTask) -> None:
 
     practised = play_each(of.test_levels, RecordedActions(of.plans.actions), options).success.all()
     nearest = plans_on(of, "train", train, SEED).actions[cost_matrix(given.levels, train).argmin(axis=1)]
-    at_chance = "be at chance"
     for player, policy in (("idle", Idle()), ("random", Random(SEED, 1))):
         value = corrected(policy)
-        add(player, at_chance, value, value <= most)
+        add(player, "be at chance", value, value <= most)
     value = corrected(RecordedActions(of.plans.actions[np.arange(LEVELS) % len(of.test_levels)]))
     add("replay of the practice plans", "solve all of practice, be at chance", value, value <= most and practised)
     add("plan of the nearest training level", "say what memory earns", corrected(RecordedActions(nearest)), True)
@@ -75,8 +74,8 @@ def play_panel(task: PanelTask) -> None:
         policy = NetworkPolicy(Network.load(row.folder / own.file), unit_actions=True)
         alone, noisy = corrected(policy, seen), corrected(Noisy(policy), seen)
         add(name, "", alone, True)
-        is_right = noisy < alone or alone <= most
-        add(f"{name}, {NOISE:.0%} random", "be below it where it beats chance", noisy, is_right)
+        below = "be below it where it beats chance"
+        add(f"{name}, {NOISE:.0%} random", below, noisy, noisy < alone or alone <= most)
     write_json(task.path, lines)
 
 

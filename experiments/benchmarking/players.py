@@ -19,9 +19,10 @@ from segar.experiments.benchmarking.playing import (
 from segar.experiments.benchmarking.policy_process import SECONDS, PolicyProcess
 from segar.experiments.benchmarking.protocol import ONNX, SIDES, piece_name
 from segar.experiments.benchmarking.row import Method, Piece, file_hash, read_piece, write_piece
+from segar.experiments.runs.executed_code import code_after, code_of
 from segar.experiments.runs.files import write_bytes
 from segar.experiments.runs.versions import versions
-from segar.experiments.settings import RunFolderError
+from segar.experiments.settings import RunFolderError, without_files
 from segar.suites import Suite, suite
 from segar.support import content_of
 
@@ -57,8 +58,8 @@ def make_piece(task: PlayerTask) -> None:
     """Plays a piece and writes it."""
     of, player = suite(task.suite), task.method.name
     sets = sets_of(of, task.seed, with_twins=plays_twins(task.method))
-    found = versions()
-    made_with = {name: found[name] for name in ("python", "libraries", "git")}
+    made_with = {name: found for name, found in versions().items() if name != "platform"}
+    code = code_of(without_files(task.method.settings))  # here, because a policy could tell of other code
     if task.method.kind == "player":
         file, episodes = "", play_player(player, of, sets, task.seed)
     elif task.method.kind == "onnx":
@@ -70,10 +71,11 @@ def make_piece(task: PlayerTask) -> None:
             path = action_file(Path(task.actions), task.suite, task.seed)
             actions, made_with["actions"] = read_actions(path), file_hash(path)
         else:
-            actions, made_with["code"] = actions_of(task, of, sets)
+            actions = actions_of(task, of, sets)
         file, episodes = ACTIONS, play_actions(actions, of, sets, task.seed)
         write_actions(task.folder / ACTIONS, actions)
         sets = {name: sets[name] for name in actions}
+    made_with |= {"code": code_after(code, print)} if code else {}
     write_piece(task.folder, Piece(of.name, of.hash, task.seed, hashes_of(sets), "", file, 0, made_with), episodes)
 
 
@@ -87,14 +89,12 @@ def onnx_file(given: Path, suite: str, seed: int) -> Path:
     return given / f"{piece_name(suite, seed)}{ONNX}" if given.is_dir() else given
 
 
-def actions_of(
-    task: PlayerTask, of: Suite, sets: Mapping[str, LevelSet]
-) -> tuple[dict[str, np.ndarray], Mapping[str, str]]:
-    """The actions that a policy takes on level sets, and the code that made it; see :func:`segar.evaluation.record_actions` and
+def actions_of(task: PlayerTask, of: Suite, sets: Mapping[str, LevelSet]) -> dict[str, np.ndarray]:
+    """The actions that a policy takes on level sets; see :func:`segar.evaluation.record_actions` and
     :class:`segar.experiments.benchmarking.policy_process.PolicyProcess`, which says what is raised."""
     # What is seen may differ from side to side, but its numbers do not.
     options = {
         side: {**options_of(of, task.method, sets["train"].levels, side), "unit_actions": False} for side in SIDES
     }
     with PolicyProcess(task.policy, of, task.seed, options["train"], task.seconds) as policy:
-        return {key: record_actions(policy, one.levels, **options[one.side]) for key, one in sets.items()}, policy.code
+        return {key: record_actions(policy, one.levels, **options[one.side]) for key, one in sets.items()}

@@ -6,7 +6,6 @@ batch at a time; a pipe says when there are some.
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 import signal
@@ -23,8 +22,7 @@ from gymnasium.vector.utils import create_shared_memory, read_from_shared_memory
 
 from segar.envs import VectorEnv, begin_policy
 from segar.evaluation import checked_actions
-from segar.experiments.runs.executed_code import code_after, code_of
-from segar.experiments.settings import ConfigError, TrainingError, import_object, without_files
+from segar.experiments.settings import ConfigError, TrainingError, import_object
 from segar.language import Task
 from segar.observations import leaves, map_leaves
 from segar.suites import Suite, TrainingSide, hide_tests
@@ -53,9 +51,6 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
         options: of the environments that are played, whose spaces it is given.
         seconds: the longest wait for each answer, that of the function itself included.
 
-    Attributes:
-        code: of the modules that made it; see :func:`segar.experiments.runs.executed_code.code_of`.
-
     Raises:
         ConfigError: there is no such function, it makes no policy, or actions are none.
         TrainingError: the process ended, or does not answer.
@@ -74,7 +69,7 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
         self._process.start()
         theirs.close()
         try:
-            self.code: Mapping[str, str] = self._answer()
+            self._answer()
         except BaseException:
             self.close()
             raise
@@ -108,8 +103,8 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
             self._connection.send((what, n))
         self._answer()
 
-    def _answer(self) -> Any:
-        """What the process answers: JSON, because a policy could send a pickle of its own."""
+    def _answer(self) -> None:
+        """Waits for the answer of the process: a text, empty where all is well. A policy could send a pickle of its own."""
         try:
             if not self._connection.poll(self.seconds):
                 self._process.kill()
@@ -117,17 +112,14 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
                     f"policy: {self.name} gave no answer within {self.seconds:g} s, and its process was ended. policy_seconds=N"
                     " waits longer"
                 )
-            answer, problem = json.loads(self._connection.recv_bytes())
+            problem = self._connection.recv_bytes().decode(errors="replace")
         except (EOFError, OSError):
             self._process.join(END)
             raise TrainingError(
                 f"policy: the process of {self.name} ended by itself, with exit code {self._process.exitcode}"
             ) from None
-        except (ValueError, TypeError, RecursionError) as error:
-            raise TrainingError(f"policy: {self.name} wrote what is no answer into its pipe: {error}") from error
         if problem:
             raise ConfigError(f"policy: {self.name}: {problem}")
-        return answer
 
 
 def _serve(
@@ -135,15 +127,15 @@ def _serve(
 ) -> None:
     """What the process does: make the policy, and act until the other end is closed."""
 
-    def tell(answer: Any, problem: str) -> None:
-        connection.send_bytes(json.dumps([answer, problem]).encode())
+    def tell(problem: str = "") -> None:
+        connection.send_bytes(problem.encode(errors="replace"))
 
     hide_tests()
     os.setsid()  # a group of its own, which ends as a whole
     observed, acted = _arrays_of(spaces, memory)
     try:
-        policy, code = _made(name, side)
-        tell(code, "")
+        policy = _made(name, side)
+        tell()
         episodes = Episodes(0, side.task, spaces[0], spaces[1])
         while True:
             what, n = connection.recv()
@@ -153,28 +145,26 @@ def _serve(
             else:
                 seen = map_leaves(lambda array, n=n: array[:n].copy(), observed)  # which the policy may keep
                 acted[:n] = checked_actions(policy(seen), cast(VectorEnv, episodes))
-            tell(None, "")
+            tell()
     except EOFError:
         pass
     except Exception as error:  # the other end tells of it
         traceback.print_exc()
-        tell(None, str(error) if isinstance(error, ConfigError) else f"{type(error).__name__}: {error}")
+        tell(str(error) if isinstance(error, ConfigError) else f"{type(error).__name__}: {error}")
 
 
-def _made(name: str, side: TrainingSide) -> tuple[Any, Mapping[str, str]]:
-    """The policy, and the code that made it."""
-    make = import_object(name, "policy")  # first, so that the files it names are known from here on
-    code = code_of(without_files(name, "policy"))
+def _made(name: str, side: TrainingSide) -> Any:
+    """The policy."""
+    make = import_object(name, "policy")
     made = make(side, side.seed) if callable(make) else None
     if not callable(made):
         raise ConfigError(
             "it must be a function of a suite's training side and a seed that returns a policy, a function of observations; it"
             f" {'returns ' + type(made).__name__ if callable(make) else 'is ' + type(make).__name__}"
         )
-    return made, code_after(code, print)
+    return made
 
 
-def _arrays_of(spaces: Sequence[gymnasium.Space[Any]], memory: Sequence[Any]) -> tuple[Any, Any]:
+def _arrays_of(spaces: Sequence[gymnasium.Space[Any]], memory: Sequence[Any]) -> tuple[Any, ...]:
     """The observations and the actions that lie in shared memory."""
-    observed, acted = (read_from_shared_memory(*one, ROWS) for one in zip(spaces, memory, strict=True))
-    return observed, acted
+    return tuple(read_from_shared_memory(*one, ROWS) for one in zip(spaces, memory, strict=True))

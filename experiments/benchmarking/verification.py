@@ -88,16 +88,12 @@ def _verify_drawn(
     row: Row, pieces: Sequence[Piece], say: Callable[[str], None], trusted: Collection[str], salt: str
 ) -> int:
     """Draws and plays the levels of pieces again; returns how many episodes are equal."""
-    if not row.drawn:
+    if not row.drawn or ("policy" in row.method.settings and not trusted):
+        cause = "its policy is code, which trust=true runs" if row.drawn else "it was played on practice levels alone"
         if salt:
-            raise ConfigError(
-                f"salt: the levels of {row.method.name} were not drawn: it was played on practice levels alone"
-            )
-        return 0
-    if "policy" in row.method.settings and not trusted:
-        if salt:
-            raise ConfigError(f"salt: {row.method.name} is code of somebody else's, which trust=true runs")
-        say(f"{row.method.name}: drawn levels are not verified: its policy is code, which trust=true runs")
+            raise ConfigError(f"salt: the drawn levels of {row.method.name} are not played: {cause}")
+        if row.drawn:
+            say(f"{row.method.name}: drawn levels are not verified: {cause}")
         return 0
     method = row.trusted_method(trusted, DRAWN)
     commitment, stated = commitment_of_row(row), {(one.suite, one.seed): one for one in row.drawn}

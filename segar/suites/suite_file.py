@@ -182,11 +182,6 @@ def read_suite(path: str | PathLike[str]) -> Suite:
             for a method, see :func:`hide_tests`.
     """
     path = Path(path)
-    if _tests_are_hidden:
-        raise SuiteError(
-            f"{path.stem}: a policy sees the training side of a suite alone, which its function is given; no test can be read"
-            " in its process"
-        )
     found = _read(path)
     hidden = tuple(_factor(path, name) for name in found["hidden"])
     given = {side: distribution_of(path, found, side) for side in SIDES}
@@ -294,6 +289,11 @@ def suite_hash(description: Mapping[str, Any], hashes: Mapping[str, str]) -> str
 
 def _read(path: Path) -> dict[str, Any]:
     """The description in a file, of which all keys and kinds of values are right."""
+    if _tests_are_hidden:
+        raise SuiteError(
+            f"{path.stem}: a policy sees the training side of a suite alone, which its function is given; no test can be read"
+            " in its process"
+        )
     found = data_in(path, "a suite", SuiteError, lambda text: tomllib.loads(text.decode()), LONGEST, _FORM, only=True)
     if found["format"] != FORMAT:
         raise SuiteError(f"{path}: format {found['format']} is not the one that this version reads, {FORMAT}")

@@ -4,13 +4,15 @@ import gc
 import os
 import subprocess
 import time
+from contextlib import suppress
 from multiprocessing.connection import Connection
 
 import numpy as np
 
+from segar.errors import SuiteError
 from segar.hardness import Plan
 from segar.levels import Levels
-from segar.suites import Suite, suite
+from segar.suites import Suite, outline, suite
 
 
 def policy(side, seed):
@@ -65,6 +67,8 @@ def looks_for_the_test(side, seed):
     def act(observations):
         held = [one for one in gc.get_objects() if isinstance(one, Levels | Plan | Suite)]
         assert all(isinstance(one, Levels) and one == side.levels for one in held), held
+        with suppress(SuiteError):
+            raise AssertionError(f"the test distribution: {outline(side.name)['test']}")
         return suite(side.name).test_levels
 
     return act

@@ -274,7 +274,7 @@ def test_wrong_actions_are_refused(tmp_path, actions, said):
         ),
         ("of_another_shape", ConfigError, r"actions must have shape \(25, 2\), not \(25, 3\)"),
         ("dies", TrainingError, "ended by itself, with exit code 7"),
-        ("forges", TrainingError, "wrote what is no answer"),
+        ("forges", ConfigError, r"\[1\]"),
         (
             "hangs",
             TrainingError,
@@ -343,7 +343,9 @@ def test_recorded_actions_are_practice_alone_and_a_policy_must_be_the_one_that_w
     write_actions(tmp_path / "given" / f"{SUITE}-s1.npz", {"test": np.full((200, 3, 2), 0.25, np.float32)})
     recorded = row_made_here(config_of(tmp_path, actions=str(tmp_path / "given"), row="recorded"))
     assert not recorded.can_be_drawn
-    with pytest.raises(ConfigError, match="salt: the levels of recorded were not drawn"):
+    with pytest.raises(
+        ConfigError, match="salt: the drawn levels of recorded are not played: it was played on practice"
+    ):
         verify(recorded, salt="words")
     mine = drawn_here(row_made_here(config_of(tmp_path, policy=f"{LAB}:policy", row="mine")))
     said = []
@@ -355,6 +357,37 @@ def test_recorded_actions_are_practice_alone_and_a_policy_must_be_the_one_that_w
     fickle = row_made_here(config_of(tmp_path, policy=f"{LAB}:fickle", row="fickle"))
     with pytest.raises(ConfigError, match=f"{LAB}:fickle acts otherwise on the practice levels of {SUITE} with seed 1"):
         drawn_here(fickle)
+
+
+def test_code_that_changed_after_its_levels_were_drawn_plays_none_of_them(tmp_path, few_drawn):
+    path = tmp_path / "lab" / "late_plans.py"
+    path.parent.mkdir()
+    path.write_text(Path(lab_method.__file__).read_text())
+    assert with_own_names([f"policy={path}:policy"]) == ["policy=late_plans:policy"]
+    row = drawn_here(row_made_here(config_of(tmp_path, policy="late_plans:policy", row="mine")))
+    assert "late_plans.py" in str(row.pieces[0].made_with["code"])
+    path.write_text(f"{path.read_text()}\n\nPLANS = 'which the author made once the levels were known'\n")
+    with pytest.raises(
+        ConfigError, match=r"late_plans\.py changed since the practice levels of place-few-v1 with seed 1"
+    ):
+        verify(row, trusted=(EVERYTHING,))
+    assert not is_verified(row)
+
+
+def test_the_code_of_an_observation_is_part_of_what_levels_are_drawn_from(tmp_path, few_drawn):
+    path = tmp_path / "lab" / "late_views.py"
+    path.parent.mkdir()
+    path.write_text("from segar.observations import StateVector\n\n\nclass View(StateVector):\n    pass\n")
+    assert with_own_names([f"observation={path}:View"]) == ["observation.name=late_views:View"]
+    size = VectorEnv(suite(SUITE).test_levels, 1, seed=0).single_observation_space.shape
+    linear(tmp_path / "mine.onnx", size)
+    run = dataclasses.replace(config_of(tmp_path).run, observation=ObservationConfig("late_views:View"))
+    row = row_made_here(config_of(tmp_path, run=run, policy=str(tmp_path / "mine.onnx"), row="mine"))
+    assert verify(drawn_here(row), trusted=(EVERYTHING,)) and [*row.pieces[0].made_with["code"]] == ["./late_views.py"]
+    other = dataclasses.replace(row.pieces[0], made_with={"code": {"./late_views.py": "0" * 16}})
+    assert commitment_of_row(dataclasses.replace(row, pieces=(other,))) != commitment_of_row(row)
+    with pytest.raises(ConfigError, match=r"late_views\.py changed since the practice levels"):
+        play_drawn(row.method, other, row.folder / other.file, "")
 
 
 def test_a_panel_of_players_whose_places_are_known_is_green(tmp_path, few_drawn):
