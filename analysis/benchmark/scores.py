@@ -166,7 +166,8 @@ def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """The lines of rows that are no players, on drawn levels of all of these suites, with the seeds that all of them share.
 
     Rows that are above chance on no more than half of the suites are left out, since every method is told apart from them.
-    Where two rows have seeds enough for a place, those with fewer are left out, too, or one more row could undo a ranking.
+    Where two rows have seeds enough for a place, those with fewer are left out, too, and so are those with other seeds than half
+    of these rows have, or one more row could undo a ranking.
     """
     known = keep(table, table[DRAWN].notna() & ~table["row"].isin(list(PLAYERS)))
     part = complete(known, names)
@@ -175,7 +176,10 @@ def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
         lows = [mean_of_replicates(one[DRAWN].to_numpy()).low for _, one in own.groupby("suite", dropna=False)]
         if np.mean(np.array(lows) <= 0) < 0.5:  # an interval that is unknown speaks against nobody
             seeds[row] = set(own["seed"])
-    placed = [row for row, own in seeds.items() if len(own) >= FEWEST_SEEDS]
+    enough = {row: own for row, own in seeds.items() if len(own) >= FEWEST_SEEDS}
+    every = [seed for own in enough.values() for seed in own]
+    usual = {seed for seed in every if every.count(seed) >= len(enough) / 2}
+    placed = [row for row, own in enough.items() if len(own & usual) >= FEWEST_SEEDS]
     rows = placed if len(placed) > 1 else list(seeds)
     shared = set.intersection(*(seeds[row] for row in rows)) if rows else set()
     return keep(part, part["row"].isin(rows) & part["seed"].isin(list(shared)))

@@ -48,10 +48,8 @@ class PlayerTask:
 
     def is_done(self) -> bool:
         """Whether the piece is there for this version of the suite; what was made elsewhere may have changed."""
-        found = read_piece(self.folder)
-        return (
-            not (self.policy or self.actions) and found is not None and found.piece.suite_hash == suite(self.suite).hash
-        )
+        found = None if self.policy or self.actions else read_piece(self.folder)
+        return found is not None and found.piece.suite_hash == suite(self.suite).hash
 
 
 def make_piece(task: PlayerTask) -> None:
