@@ -166,8 +166,8 @@ def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """The lines of rows that are no players, on drawn levels of all of these suites, with the seeds that all of them share.
 
     Rows that are above chance on no more than half of the suites are left out, since every method is told apart from them.
-    Where two rows have seeds enough for a place, those with fewer are left out, too, and so are those with other seeds than half
-    of these rows have, or one more row could undo a ranking.
+    Where two rows have seeds enough for a place, those with fewer are left out, too, and those with other seeds than half of
+    these rows, or one more row could undo a ranking.
     """
     known = keep(table, table[DRAWN].notna() & ~table["row"].isin(list(PLAYERS)))
     part = complete(known, names)
