@@ -1,3 +1,3 @@
 """The version of this package, said here alone: hatchling puts it into what is installed."""
 
-__version__ = "0.3.0.dev0"
+__version__ = "0.3.0"
