@@ -75,7 +75,8 @@ class BenchmarkConfig:
         if is_foreign and not self.row:
             raise ConfigError("row: name the row of a method that was trained elsewhere: row=NAME")
         some = "a suite, or several; those of textures show themselves in frames alone, such as observation=rgb"
-        require(bool(self.verify or self.chosen_suites()), "suite", list(self.suites), some)
+        of_rows = self.verify or self.again  # which say what they show
+        require(bool(suites_named(self.suites) if of_rows else self.chosen_suites()), "suite", list(self.suites), some)
         own_name = "a name of letters, digits, spaces and _ . + -, without folders: rows=FOLDER says where"
         require(not self.row or NAME.fullmatch(self.row) is not None, "row", self.row, own_name)
 

@@ -510,6 +510,10 @@ def test_an_agent_that_sees_no_textures_leaves_their_suites_out(tmp_path):
         seen = RunConfig(observation=ObservationConfig(name))
         chosen = config_of(tmp_path, suites=("look-far-v1", SUITE), run=seen).chosen_suites()
         assert chosen == ("look-far-v1", SUITE)
+    for of_row in ({"verify": ("seen",)}, {"again": ("seen",)}):
+        assert config_of(tmp_path, suites=("look-far-v1",), **of_row).suites == ("look-far-v1",)
+        with pytest.raises(ConfigError, match="look-fra-v1"):
+            config_of(tmp_path, suites=("look-fra-v1",), **of_row)
 
 
 def test_scores_need_references_that_no_folder_has(tmp_path, idle, monkeypatch):
