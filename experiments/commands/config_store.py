@@ -5,7 +5,6 @@ values are checked once, by :func:`segar.experiments.settings.construct`. OmegaC
 number, and a file could not put the settings of ``ppo_fast`` under those of CURL.
 """
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -42,8 +41,8 @@ OmegaConf.register_new_resolver(
 
 
 def conf_dir() -> Path:
-    """Absolute path of the configuration: $SEGAR_CONF, else ``conf/``, which is in the package and in the checkout."""
-    return Path(os.environ.get("SEGAR_CONF") or Path(segar.__file__).parent / "conf").resolve()
+    """Absolute path of the configuration: ``conf/``, which is in the package and in the checkout."""
+    return (Path(segar.__file__).parent / "conf").resolve()
 
 
 def register_settings(config_name: str = "config", settings: Mapping[str, Any] | None = None) -> None:
