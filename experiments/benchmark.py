@@ -411,18 +411,25 @@ def show(row: Row) -> None:
 
 
 def verify_rows(config: BenchmarkConfig) -> None:
-    """Plays rows again; raises :class:`SegarError` for the first that is not what it says."""
+    """Plays rows again; raises :class:`RunFolderError`, when all were played, that names those that are not what they say."""
     suites = () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
     rows = [row for row in named_rows(config.verify, config.places) if not suites or {*suites} & {*row.suites()}]
     require(bool(rows), "suite", list(suites), f"one that {', '.join(config.verify)} was played on")
+    refused = []
     for row in rows:
         began = time.monotonic()
-        count = verify(row, suites, say=partial(print, flush=True), trusted=config.trusted, salt=config.salt)
+        try:
+            count = verify(row, suites, say=partial(print, flush=True), trusted=config.trusted, salt=config.salt)
+        except RunFolderError as error:
+            refused.append(str(error))
+            continue
         print(
             f"row {row.method.name}, hash {row.hash}: {count:,} episodes are equal to the bit"
             f" ({in_minutes(time.monotonic() - began)})",
             flush=True,
         )
+    if refused:
+        raise RunFolderError("\n".join(refused))
 
 
 def named_rows(names: Sequence[str], places: Sequence[Path]) -> list[Row]:

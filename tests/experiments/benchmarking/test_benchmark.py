@@ -448,6 +448,15 @@ def test_a_suite_that_a_row_lacks_is_not_verified_without_a_word(idle):
         benchmark(config)
 
 
+def test_a_row_that_cannot_be_verified_keeps_no_other_from_it(tmp_path, idle, capsys):
+    row_made_here(config_of(tmp_path, player="random"))
+    (piece,) = json.loads((idle.folder / ROW).read_text())["pieces"]
+    edited(idle, pieces=[{**piece, "suite_hash": "0000"}])
+    with pytest.raises(RunFolderError, match=f"idle.*{SUITE} with the hash 0000"):
+        benchmark(config_of(tmp_path, verify=("idle", "random")))
+    assert "row random, hash" in capsys.readouterr().out
+
+
 def test_another_policy_and_other_code_are_no_part_of_a_row(tmp_path):
     path = tmp_path / "lab" / "own_policies.py"
     path.parent.mkdir()
