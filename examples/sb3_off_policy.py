@@ -189,10 +189,13 @@ def train(learner: str, side: TrainingSide, seed: int, settings: Settings = Sett
 def export(model: SAC, path: Path) -> None:
     """Write the policy as an ONNX file, which is there when it is whole."""
     shape, unfinished = (2, *model.observation_space.shape), path.with_suffix(".part")
-    torch.onnx.export(
-        Deterministic(model).eval(), (torch.zeros(shape),), unfinished, input_names=["observation"], output_names=["action"],
-        dynamic_shapes=({0: torch.export.Dim("n")},), external_data=False, dynamo=True, verbose=False,
+    program = torch.onnx.export(
+        Deterministic(model).eval(), (torch.zeros(shape),), input_names=["observation"], output_names=["action"],
+        dynamic_shapes=({0: torch.export.Dim("n")},), dynamo=True, verbose=False,
     )  # fmt: skip
+    for node in program.model.graph:
+        node.metadata_props.clear()  # they name files of this machine, so that another one would write other bytes
+    program.save(unfinished, external_data=False)
     unfinished.replace(path)
 
 

@@ -73,6 +73,7 @@ def test_a_learner_off_the_policy_is_written_as_it_acts_and_not_twice(learner, t
     played = segar.policies.OnnxPolicy(file)(seen)
     np.testing.assert_allclose(played, model.predict(seen, deterministic=True)[0], atol=1e-5)
     assert played.std(axis=0).min() > 0  # it looks
+    assert b".py" not in file.read_bytes(), "bytes would depend on the place of a checkout"
 
 
 def test_a_model_learns_where_the_ball_goes_and_what_that_earns():
