@@ -67,7 +67,7 @@ def difference(a: Any, b: Any) -> Floats:
     return np.where(np.isclose(a, b, rtol=ROUNDING, atol=0.0), 0.0, np.subtract(a, b))
 
 
-def student_p(value: float, error: float, freedom: int, sides: int = 1) -> float:
+def student_p(value: float, error: float, freedom: float, sides: int = 1) -> float:
     """The p of 0 by Student's law, for a value with this standard ``error``: one-sided of its being above 0, or two-sided;
     NaN without an error."""
     size = abs(value) if sides == 2 else value

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from segar.errors import PriorError
-from segar.noise.base import LAST_QUANTILE, Noise, fraction, set_fields
+from segar.noise.base import LAST_QUANTILE, Noise, fraction, quadrature, set_fields
 from segar.noise.checks import finite, interval
 
 SIGMAS = 10  # a Gaussian is integrated this far to either side: beyond lies a mass of 1e-23
@@ -98,29 +98,16 @@ class GaussianNoise(GaussianBetween):
         grid = self.loc + self.std * np.arange(-SIGMAS, SIGMAS + 1.0)
         return np.unique(np.clip(grid, *self.support))
 
-    def entropy(self) -> float:
-        inside, _, second = self._inside
-        density = inside * math.log(self.std * math.sqrt(2 * math.pi)) + second / 2
-        return float(density + scipy.special.entr(self.atoms[1]).sum())
-
-    @cached_property
-    def _inside(self) -> tuple[float, float, float]:
-        """Mass between the ends, and the integrals there of z and z^2 against the standard density."""
-        a, b = self._z
-        if a == b:
-            return 0.0, 0.0, 0.0
-        low, high = (a, b) if a < 0 else (-b, -a)  # seen from the thinner tail
-        inside = float(scipy.special.ndtr(high) - scipy.special.ndtr(low))
-        edge = [0.0 if math.isinf(z) else z * float(gauss(z)) for z in (a, b)]
-        return inside, float(gauss(a) - gauss(b)), inside - edge[1] + edge[0]
-
     @cached_property
     def _moments(self) -> tuple[float, float]:
-        """Mean and variance of (x - loc) / std."""
-        _, first, second = self._inside
-        z = (self.atoms[0] - self.loc) / self.std
-        mean = first + float(z @ self.atoms[1])
-        return mean, second + float(z**2 @ self.atoms[1]) - mean**2
+        """Mean and variance of (x - loc) / std; sums of what is positive, as differences lose short and far ranges."""
+        if self.clip is None:
+            return 0.0, 1.0
+        inner, weight = quadrature((self.pieces - self.loc) / self.std)
+        z = np.append(inner, (self.atoms[0] - self.loc) / self.std)
+        mass = np.append(weight * gauss(inner), self.atoms[1])
+        mean = float(mass @ z)
+        return mean, float(mass @ (z - mean) ** 2)
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -236,9 +223,6 @@ class UniformNoise(Noise):
     @property
     def pieces(self) -> np.ndarray:
         return np.array([self.low, self.high])
-
-    def entropy(self) -> float:
-        return math.log(self.high - self.low)
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,6 +1,7 @@
 """The mixed model: least squares where nothing is shared, planted effects and variances, honest p-values."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import statsmodels.formula.api as smf
 
@@ -49,6 +50,39 @@ def test_log_n_beside_w2_and_slopes_in_standard_deviations():
     assert scaled.term("w2").estimate == pytest.approx(plain.term("w2").estimate * ratio, rel=1e-3)
 
 
+def more_likely(runs, variances):
+    """Twice the restricted log likelihood of the variances of panels, seeds and the rest, but for a constant."""
+    effects = [runs["family"] + runs["difficulty"], runs["seed"]]
+    members = [pd.get_dummies(one).to_numpy(float) for one in effects]
+    covariance = variances[2] * np.eye(len(runs)) + sum(v * m @ m.T for v, m in zip(variances, members, strict=False))
+    x, inverse = np.column_stack([np.ones(len(runs)), runs["w2"]]), np.linalg.inv(covariance)
+    information = x.T @ inverse @ x
+    left = runs["gap"] - x @ np.linalg.solve(information, x.T @ inverse @ runs["gap"])
+    return -np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(information)[1] - left @ inverse @ left
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("panel_sd", "seed_sd"), [(0.0, 0.3), (2.0, 0.0), (0.0, 0.0), (0.05, 3.0)])
+def test_no_other_variances_are_more_likely_also_where_one_is_at_its_bound(seed, panel_sd, seed_sd):
+    runs = grid(rng(seed), seeds=4, panel_sd=panel_sd, seed_sd=seed_sd)
+    model = mixed_model(runs, "gap", ["w2"])
+    found = model.random["variance"].to_numpy()
+    best = more_likely(runs, found)
+    assert all(more_likely(runs, found * factors) <= best + 1e-6 for factors in rng(seed).uniform(0.3, 3, (50, 3)))
+    assert all(more_likely(runs, found + added) <= best + 1e-6 for added in np.diag([1e-4, 1e-4, 0]))
+    assert (model.note == "") == bool((found[:2] > 1e-6 * found[2]).all())
+
+
+def test_units_change_nothing():
+    runs = grid(rng(0), seeds=4, panel_sd=0.3, seed_sd=0.1)
+    others = runs.assign(gap=1e4 + 1e-4 * runs["gap"], w2=1e5 * runs["w2"])
+    found, same = (mixed_model(one, "gap", ["w2"]) for one in (runs, others))
+    assert found.note == same.note == ""
+    np.testing.assert_allclose(same.random["share"], found.random["share"], rtol=1e-4)
+    ends = [[getattr(one.term("w2"), name) for name in ("estimate", "low", "high")] for one in (found, same)]
+    np.testing.assert_allclose(np.multiply(ends[1], 1e9), ends[0], rtol=1e-4)
+
+
 @pytest.mark.slow
 def test_its_size_is_five_percent_with_panels_and_seeds():
     runs = [grid(rng(s), 3, slope=0.0, panel_sd=0.5, seed_sd=0.3) for s in range(500)]
@@ -71,3 +105,9 @@ def test_its_size_is_five_percent_with_panels_and_seeds():
 def test_what_cannot_be_fitted_is_named(x, options, runs, message):
     with pytest.raises(SegarError, match=message):
         mixed_model(grid(rng(0)).assign(one=1.0, rounded=[0.3] * 44 + [0.1 + 0.2]).head(runs), "gap", [x], **options)
+
+
+def test_terms_that_say_the_same_are_refused():
+    runs = grid(rng(0)).assign(twice=lambda table: 2 * table["w2"] + 1)
+    with pytest.raises(SegarError, match="terms say the same"):
+        mixed_model(runs, "gap", ["w2", "twice"])

@@ -25,6 +25,7 @@ LINE = [
     sn.GaussianNoise(-1.0, 0.1, clip=(-1.0, -0.5)),
     sn.GaussianNoise(1.0, 0.4, clip=(0.0, 1.0)),
     sn.GaussianNoise(0.0, 1.0, clip=(0.5, math.inf)),
+    sn.GaussianNoise(0.0, 1.0, clip=(0.1, 0.1 + 1e-9)),
     sn.UniformNoise(-2.0, 3.0),
     sn.LogUniform(0.1, 4.0),
     sn.GaussianMixtureNoise(means=[-1.0, 1.0], stds=[0.1, 0.1]),
