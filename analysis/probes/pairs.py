@@ -142,4 +142,5 @@ def standardised_representation(x: NDArray[Any]) -> NDArray[np.float32]:
     """``[N, d]`` around 0 with spread 1 in every column; columns that do not vary are 0."""
     x = np.asarray(x, np.float64)
     spread = x.std(axis=0)
-    return ((x - x.mean(axis=0)) / np.where(spread > 1e-9, spread, np.inf)).astype(np.float32)
+    spread[spread <= 1e-12 * np.abs(x).max(axis=0)] = np.inf  # what rounding leaves of a constant, in any unit
+    return ((x - x.mean(axis=0)) / spread).astype(np.float32)

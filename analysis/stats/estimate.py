@@ -71,9 +71,7 @@ def student_p(value: float, error: float, freedom: float, sides: int = 1) -> flo
     """The p of 0 by Student's law, for a value with this standard ``error``: one-sided of its being above 0, or two-sided;
     NaN without an error."""
     size = abs(value) if sides == 2 else value
-    if error == 0:
-        return float("nan")
-    return sides * float(stats.t.sf(size / error, freedom))
+    return sides * float(stats.t.sf(size / error, freedom)) if error else float("nan")
 
 
 def mean_of_replicates(values: Sequence[float] | Floats, chance: float | None = None, sides: int = 1) -> Estimate:

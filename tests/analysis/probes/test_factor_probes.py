@@ -9,7 +9,7 @@ import pytest
 from segar import GaussianNoise, UniformNoise
 from segar.analysis.probes.entropy import quantise, quantise_law
 from segar.analysis.probes.factors import COLUMNS, information_gain, probe_factors
-from segar.analysis.probes.pairs import Column, Pairs, episode_folds, standardised
+from segar.analysis.probes.pairs import Column, Pairs, episode_folds, standardised, standardised_representation
 from segar.analysis.probes.table import probe_pairs, shuffled
 from segar.errors import LevelError, SegarError
 from segar.experiments.evaluation.probing import EVERYTHING, ProbeConfig
@@ -54,6 +54,14 @@ def value(table, factor, quantity, probe="ridge"):
     rows = table[(table.factor == factor) & (table.quantity == quantity) & (table.probe == probe)]
     assert len(rows) == 1
     return rows.iloc[0]
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e9])
+def test_the_unit_of_a_representation_does_not_matter_and_its_constants_do_not_vary(pairs, unit):
+    with_constant = np.column_stack([pairs.representation, np.full(len(pairs), 0.1, np.float32)]) * np.float32(unit)
+    found, same = (standardised_representation(x) for x in (pairs.representation, with_constant))
+    np.testing.assert_allclose(same[:, :-1], found, atol=1e-5)
+    assert not same[:, -1].any()
 
 
 @pytest.mark.parametrize("probe", ["ridge", "mlp"])
