@@ -128,19 +128,14 @@ class Affine(Noise):
         return np.asarray(self.shift + self.scale * np.asarray(x))
 
     def _back(self, x: Any) -> np.ndarray:
-        """The point that ``x`` is the image of; the image of an atom goes back to that atom exactly, without rounding."""
-        x = np.asarray(x, dtype=float)
+        """The point that ``x`` is the image of; rounding does not move it to, or past, an atom whose image is elsewhere."""
+        x, sign = np.asarray(x, dtype=float), math.copysign(1.0, self.scale)
         y = (x - np.asarray(self.shift)) / self.scale
-        values = self.law.atoms[0]
-        if self.width == 2:
-            for value in values:
-                y = np.where(np.all(x == self._there(value), axis=-1)[..., None], value, y)
-        elif len(values):
-            there = self.atoms[0]
-            back = values if self.scale > 0 else values[::-1]
-            place = np.minimum(np.searchsorted(there, x), len(there) - 1)
-            y = np.where(there[place] == x, back[place], y)
-        return np.asarray(y)
+        values = self.law.atoms[0].reshape(-1, self.width)
+        images = self._there(values)
+        if self.width == 1:
+            return _beside(x, y, values[:, 0], images[:, 0], sign)
+        return np.stack([_beside(x[..., k], y[..., k], values[:, k], images[:, k], sign) for k in range(2)], axis=-1)
 
     @property
     def _log_volume(self) -> float:
@@ -151,3 +146,12 @@ class Affine(Noise):
     def _product(self) -> Noise | None:
         """On the plane, the same distribution as one of two independent components, None where they are not."""
         return None if self.components is None else Independent(*self.components)
+
+
+def _beside(x: np.ndarray, y: np.ndarray, values: np.ndarray, images: np.ndarray, sign: float) -> np.ndarray:
+    """``y``, moved by rounding at most, so that it lies among ``values`` as ``x`` among their ``images``."""
+    there, first = np.unique(images, return_index=True)
+    back, place = sign * values[first], np.searchsorted(there, x)
+    behind, before = np.append(-np.inf, np.nextafter(back, np.inf)), np.append(np.nextafter(back, -np.inf), np.inf)
+    between = np.clip(sign * y, behind[place], before[place])
+    return sign * np.where(np.append(there, np.nan)[place] == x, np.append(back, np.nan)[place], between)

@@ -172,3 +172,25 @@ def test_the_density_of_a_hull_of_four_points_integrates_to_one():
     corners = [hull for hull in found if len(hull) == 4]
     flat = stats.norm.logpdf(np.array([np.ravel(hull) for hull in corners])).sum(axis=1) + math.log(24)
     assert np.allclose(hull_log_density(padded[count == 4], count[count == 4], 1.0, 4), flat)
+
+
+@pytest.mark.parametrize(
+    ("scale", "shift"), [(-2.0, 1.0), (2.0, -1.0), (0.1, 0.7), (-3.0, 0.3), (7.0, 1e3), (1e-9, 1.0)]
+)
+@pytest.mark.parametrize("values", [[0.0, 1.0], [0.3, 1.7, -0.2], [0.1]])
+def test_atoms_of_an_image_are_those_of_the_same_law_said_directly(scale, shift, values):
+    masses = np.arange(1.0, len(values) + 1) / sum(range(1, len(values) + 1))
+    image = sn.Affine(sn.Choice(values, masses), scale, shift)
+    direct = sn.Choice([shift + scale * value for value in values], masses)
+    assert image.ks(direct) == pytest.approx(0.0, abs=1e-12) == direct.ks(image)
+    below, above = (np.nextafter(direct.atoms[0], end) for end in (-np.inf, np.inf))
+    for x in (below, direct.atoms[0], above):
+        np.testing.assert_allclose(image.cdf(x), direct.cdf(x), atol=1e-12)
+        np.testing.assert_allclose(image.pmf(x), direct.pmf(x), atol=1e-12)
+
+
+def test_atoms_of_an_image_on_the_plane_are_those_of_the_same_law_said_directly():
+    points = [(0.0, 1.0), (1.0, 0.0), (0.3, -0.7)]
+    image = sn.Affine(sn.Choice(points, [0.2, 0.3, 0.5]), 2.0, (-1.0, 0.1))
+    direct = sn.Choice([(2.0 * x - 1.0, 2.0 * y + 0.1) for x, y in points], [0.2, 0.3, 0.5])
+    assert image.ks(direct) == pytest.approx(0.0, abs=1e-12) == direct.ks(image)
