@@ -15,7 +15,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 import segar
 from benchmarks.measure import Row, in_turns
 from segar.experiments.algorithms.sac import SAC
-from segar.experiments.commands.config_store import conf_dir
+from segar.experiments.commands.config_store import CONF
 from segar.experiments.settings import SACConfig
 
 SINGLES, BATCH = 8, 64  # environments
@@ -54,7 +54,7 @@ def frameworks(repeats: int) -> Iterator[Row]:
 
 def sac_fast() -> Callable[[], object]:
     """Trains a multiple of so many frames by our SAC, as ``algorithm=sac_fast`` is set."""
-    settings = yaml.safe_load((conf_dir() / "algorithm" / "sac_fast.yaml").read_text(encoding="utf-8"))
+    settings = yaml.safe_load((CONF / "algorithm" / "sac_fast.yaml").read_text(encoding="utf-8"))
     names = {field.name for field in dataclasses.fields(SACConfig)}
     config = SACConfig(**{name: value for name, value in settings.items() if name in names} | {"widths": (128, 128)})
     env = SAC.make_env(segar.family("empty-hard").sample(50, seed=0), config.num_envs, seed=0, observation="state")

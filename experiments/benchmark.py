@@ -319,8 +319,7 @@ def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) ->
     failed = do_all(place / "logs", {one.folder.name: (one, seconds) for one in waiting}, processes, make_piece)
     not_made = {one.job.name for one in failed}  # there may lie what another policy or other files made before
     made = (read_piece(task.folder) for task in tasks if task.folder.name not in not_made)
-    found = [piece for piece in made if piece is not None]
-    if found:
+    if found := [piece for piece in made if piece is not None]:
         show(add(config, method, found))
     if failed:
         raise TrainingError(failures(failed, len(waiting)))
@@ -403,11 +402,9 @@ def add(config: BenchmarkConfig, method: Method, found: Sequence[NewPiece]) -> R
 
 def show(row: Row) -> None:
     """Prints where a row is, and how large."""
-    size = sum(path.stat().st_size for path in row.folder.iterdir())
-    print(
-        f"row {row.method.name}: {counted(len(row.pieces), 'piece')}, {size / 1e6:.1f} MB, hash {row.hash}; {row.folder}",
-        flush=True,
-    )
+    pieces = counted(len(row.pieces), "piece")
+    size = sum(path.stat().st_size for path in row.folder.iterdir()) / 1e6
+    print(f"row {row.method.name}: {pieces}, {size:.1f} MB, hash {row.hash}; {row.folder}", flush=True)
 
 
 def verify_rows(config: BenchmarkConfig) -> None:
@@ -423,11 +420,8 @@ def verify_rows(config: BenchmarkConfig) -> None:
         except RunFolderError as error:
             refused.append(str(error))
             continue
-        print(
-            f"row {row.method.name}, hash {row.hash}: {count:,} episodes are equal to the bit"
-            f" ({in_minutes(time.monotonic() - began)})",
-            flush=True,
-        )
+        took = in_minutes(time.monotonic() - began)
+        print(f"row {row.method.name}, hash {row.hash}: {count:,} episodes are equal to the bit ({took})", flush=True)
     if refused:
         raise RunFolderError("\n".join(refused))
 

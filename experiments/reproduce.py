@@ -38,7 +38,7 @@ import yaml
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from segar.experiments.commands.config_store import conf_dir
+from segar.experiments.commands.config_store import CONF
 from segar.experiments.commands.hydra_app import compose_data, initialized, run_command, to_plain
 from segar.experiments.commands.kernels import choose_kernels
 from segar.experiments.commands.plugin import REPORTS, STUDIES, find_plugin, run_plugin
@@ -367,7 +367,7 @@ SETTINGS = {name: value for name, value in as_data(ReproduceConfig()).items() if
 def help_text() -> str:
     """What this module says of the command, with the scales and experiments in ``conf/``."""
     lines = [(__doc__ or "").strip(), "", "Scales:"]
-    for file in sorted((conf_dir() / "scale").glob("*.yaml")):
+    for file in sorted((CONF / "scale").glob("*.yaml")):
         about = [
             line[2:]
             for line in file.read_text(encoding="utf-8").splitlines()
@@ -383,7 +383,7 @@ def help_text() -> str:
 
 def experiment_files() -> dict[str, dict[str, Any]]:
     """Name and content of the files of ``conf/experiment``."""
-    return {file.stem: read_yaml(file.read_bytes()) for file in sorted((conf_dir() / "experiment").glob("*.yaml"))}
+    return {file.stem: read_yaml(file.read_bytes()) for file in sorted((CONF / "experiment").glob("*.yaml"))}
 
 
 def main() -> None:

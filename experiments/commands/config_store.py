@@ -40,9 +40,7 @@ OmegaConf.register_new_resolver(
 )
 
 
-def conf_dir() -> Path:
-    """Absolute path of the configuration: ``conf/``, which is in the package and in the checkout."""
-    return (Path(segar.__file__).parent / "conf").resolve()
+CONF = (Path(segar.__file__).parent / "conf").resolve()  # in the package and in the checkout
 
 
 def register_settings(config_name: str = "config", settings: Mapping[str, Any] | None = None) -> None:
@@ -77,7 +75,7 @@ def register_settings(config_name: str = "config", settings: Mapping[str, Any] |
     }
     for group, (setting, names) in choices.items():
         for name in names:
-            if not (conf_dir() / group / f"{name}.yaml").exists():
+            if not (CONF / group / f"{name}.yaml").exists():
                 store.store(group=group, name=name, node={setting: name})
 
 

@@ -21,7 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from segar.errors import SegarError
-from segar.experiments.commands.config_store import conf_dir, register_settings
+from segar.experiments.commands.config_store import CONF, register_settings
 from segar.experiments.commands.overrides import (
     OWN_NAMES,
     explain_overrides,
@@ -108,7 +108,7 @@ def run_command(
             if announce is not None and number:
                 with suppress(SegarError):  # a run whose settings are wrong says so itself, and the others go on
                     announce([(build or build_run)(one) for one in configs], number)
-            hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
+            hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)(call)()
     except SystemExit:
         if len(failed) > 1:
             print("\n".join([f"{len(failed)} runs of the sweep went wrong. The others:", *failed[1:]]), file=sys.stderr)
@@ -179,7 +179,7 @@ def initialized() -> AbstractContextManager[Any]:
     """A block in which Hydra composes from ``conf/``: that of the command that runs, else a new one."""
     if GlobalHydra.instance().is_initialized():
         return nullcontext()
-    return hydra.initialize_config_dir(str(conf_dir()), version_base="1.3")
+    return hydra.initialize_config_dir(str(CONF), version_base="1.3")
 
 
 def compose_data(overrides: Sequence[str], config_name: str, with_hydra: bool = False) -> DictConfig:

@@ -4,7 +4,7 @@ from importlib.metadata import entry_points
 
 import pytest
 
-from segar.experiments.commands.config_store import conf_dir
+from segar.experiments.commands.config_store import CONF
 from segar.experiments.commands.plugin import REPORTS, STUDIES, SUMMARIES, call_plugin, find_plugin, run_plugin
 from segar.experiments.reproduce import experiment_files
 from segar.experiments.settings import ConfigError
@@ -20,7 +20,7 @@ def test_every_registered_plugin_can_be_loaded():
     """The entry points of pyproject.toml; after a change of theirs, make setup registers them anew."""
     names = {group: set(entry_points(group=group).names) for group in (STUDIES, REPORTS, SUMMARIES)}
     asked = {data["study"] for data in experiment_files().values() if "study" in data}
-    assert asked <= names[STUDIES], f"studies of {conf_dir() / 'experiment'}"
+    assert asked <= names[STUDIES], f"studies of {CONF / 'experiment'}"
     assert {"tables", "report"} <= names[REPORTS]
     assert "default" in names[SUMMARIES]
     for group in names:

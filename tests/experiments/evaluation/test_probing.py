@@ -14,7 +14,7 @@ from segar.analysis.probes.pairs import Column, Pairs
 from segar.analysis.probes.table import probe_pairs, probe_run
 from segar.errors import SegarError
 from segar.experiments.commands import plugin
-from segar.experiments.commands.config_store import conf_dir
+from segar.experiments.commands.config_store import CONF
 from segar.experiments.evaluation import probing
 from segar.experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished
 from segar.experiments.evaluation.transfers import RunTask
@@ -31,7 +31,7 @@ from segar.experiments.upload import upload_run
 from tests.experiments.short_runs import short_run
 from tests.synthetic_runs import settings, write_run
 
-SCALES = yaml.safe_load((conf_dir() / "reproduce.yaml").read_text())["probes"]
+SCALES = yaml.safe_load((CONF / "reproduce.yaml").read_text())["probes"]
 ASKED = ProbeConfig(frames=100, representations={"trained": ["jsd"]})
 MAIN = {"title": "Main", "grid": {"counts": [1, 10]}, "probes": True, "scales": {"single": {}}}
 calls: list[tuple[str, int]] = []

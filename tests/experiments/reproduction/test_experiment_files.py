@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from segar.experiments.commands.config_store import conf_dir, register_settings
+from segar.experiments.commands.config_store import CONF, register_settings
 from segar.experiments.commands.hydra_app import compose, compose_data, initialized
 from segar.experiments.reproduce import SETTINGS, ReproduceConfig, build, experiment_files, help_text
 from segar.experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
@@ -85,7 +85,7 @@ def test_transfers_are_relative_to_the_training_levels(transfer, panel):
 
 
 def test_the_command_knows_every_file():
-    listed = yaml.safe_load((conf_dir() / "reproduce.yaml").read_text())["defaults"]
+    listed = yaml.safe_load((CONF / "reproduce.yaml").read_text())["defaults"]
     named = [value for entry in listed if isinstance(entry, dict) for key, value in entry.items() if "@grids." in key]
     assert sorted(named) == sorted(experiment_files())
     assert all(name in help_text() for name in named)

@@ -10,7 +10,7 @@ import pytest
 from optuna.trial import TrialState
 
 import segar
-from segar.experiments.commands.config_store import conf_dir, register_settings
+from segar.experiments.commands.config_store import CONF, register_settings
 from segar.experiments.search import (
     SETTINGS,
     Search,
@@ -176,11 +176,11 @@ def test_a_wrong_space_is_named_before_anything_is_trained(tmp_path, space, says
 
 
 def test_every_shipped_space_names_settings_of_its_algorithm():
-    names = sorted(path.stem for path in (conf_dir() / "search").glob("*.yaml"))
+    names = sorted(path.stem for path in (CONF / "search").glob("*.yaml"))
     assert {"ppo", "ppo_fast", "sac", "drq", "curl", "spr"} <= {*names}
     for name in names:
         register_settings("search", SETTINGS)
-        with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
             made = build(hydra.compose("search", [f"search={name}"]))
         assert made.space
         assert made.run.levels.test_seed != RunConfig().levels.test_seed
