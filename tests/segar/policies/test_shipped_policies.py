@@ -31,9 +31,10 @@ def test_a_policy_by_name_is_that_of_its_file():
     assert (agent(seen) == same(seen)).all() and (agent.act(seen[3]) == same(seen)[3]).all()
 
 
-def test_every_suite_of_the_core_that_is_played_from_states_has_an_agent_in_the_clone():
+def test_every_suite_of_the_core_has_an_agent_in_the_clone():
     published = {one.path for one in segar.support.read_manifest(RESULTS)}
-    files = {f"benchmark/{ROW}/{name}-s1.npz" for name in segar.suites.CORE if name != "look-far-v1"}
+    rows = {name: "ppo_fast-rgb_stack2-laptop" if name == "look-far-v1" else ROW for name in segar.suites.CORE}
+    files = {f"benchmark/{row}/{name}-s1.npz" for name, row in rows.items()}
     assert all((RESULTS / file).exists() for file in files) and not files & published
 
 
