@@ -121,7 +121,7 @@ def of_variances(ratios: Floats, products: Floats, sizes: Sequence[int], freedom
     count as known."""
     steps = STEP * np.diag(ratios >= AT_BOUND)
 
-    def moved(step: Floats) -> tuple[float, Floats]:
+    def moved(step: Floats) -> tuple[float, np.ndarray]:
         return fitted(ratios * np.exp(step), products, sizes, freedom)[:2]
 
     turns = np.array([moved(one)[1] - moved(-one)[1] for one in steps]) / (2 * STEP)
@@ -130,7 +130,9 @@ def of_variances(ratios: Floats, products: Floats, sizes: Sequence[int], freedom
     return turns.T @ np.linalg.pinv(np.array(bends) / (8 * STEP**2)) @ turns
 
 
-def fitted(ratios: Floats, products: Floats, sizes: Sequence[int], freedom: int) -> tuple[float, Floats, Floats, float]:
+def fitted(
+    ratios: Floats, products: Floats, sizes: Sequence[int], freedom: int
+) -> tuple[float, np.ndarray, np.ndarray, float]:
     """Minus twice the restricted log likelihood but for a constant, the slopes, their covariance, and the residual variance.
 
     Args:

@@ -12,7 +12,7 @@ import pytest
 from mlflow import MlflowClient
 
 from segar.analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
-from segar.analysis.benchmark.leaderboard_page import escaped, named, overall_table, practice_table
+from segar.analysis.benchmark.leaderboard_page import escaped, named, overall_table, place_text, practice_table
 from segar.analysis.benchmark.make import BOARD, CAUSES, PAGE, PROFILE, SCORES, report_rows
 from segar.analysis.benchmark.scores import (
     DRAWN,
@@ -251,7 +251,10 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
     report_rows(rows)
     page = (rows / PAGE).read_text()
     ranked, _, rest = page.partition("## Practice test only")
-    assert "| `ahead` (not verified) | 1 |" in ranked and "| `behind` (not verified) | 2 |" in ranked
+    among_all = places_of(pd.read_csv(rows / SCORES), CORE[:3])
+    assert among_all["ahead (not verified)"][0] == 1
+    for name in ("ahead", "behind"):
+        assert f"| `{name}` (not verified) | {place_text(among_all[f'{name} (not verified)'])} |" in ranked
     assert "`recorded`" not in ranked.partition("## All suites")[2]
     placed = set(re.findall(r"^\| `([\w-]+)`(?: \(not verified\))? \| \d", ranked, re.M))
     asked = placed - {"evolution"}  # which is at chance; nor are those with few seeds
