@@ -85,17 +85,15 @@ def mixed_model(
     read = np.column_stack([*members, basis, data[:, 0] - basis @ line])
     products, freedom = read.T @ read, len(data) - len(triangle)
     ratios = most_likely(products, sizes, freedom)
-    _, slopes, covariance, residual = fitted(ratios, products, sizes, freedom)
-    covariance = covariance + of_variances(ratios, products, sizes, freedom)
+    _, slopes, covariance, residual = fit(ratios, products, sizes, freedom)
     back = np.linalg.inv(triangle)
     note = "an effect's variance is at its bound, 0" if (ratios < AT_BOUND).any() else ""
-    errors = np.sqrt(np.diag(back @ covariance @ back.T))
+    errors = np.sqrt(np.diag(back @ (covariance + of_variances(ratios, products, sizes, freedom)) @ back.T))
     terms = ["intercept", *(f"log {name}" if name in log else name for name in x)]
     rows = []
     for term, slope, error in zip(terms, (back @ (line + slopes)).tolist(), errors.tolist(), strict=True):
         half = float(stats.norm.ppf(0.975)) * error
-        p = student_p(slope, error, np.inf, sides=2)
-        one = Estimate.between(slope, slope - half, slope + half, len(data), p)
+        one = Estimate.between(slope, slope - half, slope + half, len(data), student_p(slope, error, np.inf, 2))
         rows.append({**one.row(term=term), "note": one.note or note})
     variances = np.append(ratios, 1.0) * residual
     shares = pd.DataFrame({"effect": [*map(" x ".join, groupings), "residual"], "groups": [*sizes, len(data)]})
@@ -109,7 +107,7 @@ def most_likely(products: Floats, sizes: Sequence[int], freedom: int) -> Floats:
     options = {"xatol": 1e-7, "fatol": 1e-10, "maxiter": 10_000, "maxfev": 10_000}
 
     def unlikely(roots: Floats) -> float:
-        return fitted(np.square(roots), products, sizes, freedom)[0]
+        return fit(np.square(roots), products, sizes, freedom)[0]
 
     starts = [np.full(len(sizes), start) for start in STARTS]
     found = [optimize.minimize(unlikely, start, method="Nelder-Mead", options=options) for start in starts]
@@ -122,7 +120,7 @@ def of_variances(ratios: Floats, products: Floats, sizes: Sequence[int], freedom
     steps = STEP * np.diag(ratios >= AT_BOUND)
 
     def moved(step: Floats) -> tuple[float, np.ndarray]:
-        return fitted(ratios * np.exp(step), products, sizes, freedom)[:2]
+        return fit(ratios * np.exp(step), products, sizes, freedom)[:2]
 
     turns = np.array([moved(one)[1] - moved(-one)[1] for one in steps]) / (2 * STEP)
     bends = [[moved(a + b)[0] - moved(a - b)[0] - moved(b - a)[0] + moved(-a - b)[0] for b in steps] for a in steps]
@@ -130,7 +128,7 @@ def of_variances(ratios: Floats, products: Floats, sizes: Sequence[int], freedom
     return turns.T @ np.linalg.pinv(np.array(bends) / (8 * STEP**2)) @ turns
 
 
-def fitted(
+def fit(
     ratios: Floats, products: Floats, sizes: Sequence[int], freedom: int
 ) -> tuple[float, np.ndarray, np.ndarray, float]:
     """Minus twice the restricted log likelihood but for a constant, the slopes, their covariance, and the residual variance.
