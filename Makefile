@@ -83,12 +83,12 @@ test-training: TRAINING := tests/experiments tests/examples
 test test-training: $(STAMP)
 	$(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder $(TRAINING) $(ARGS)
 
-# A page is run by one process, and the pages are shared out. Of the tests, only files with the mark are read.
+# A page is run by one process, and the pages are shared out.
 test-docs: $(STAMP)
-	$(PY) -m pytest -q -n 2 --dist loadgroup -m "docs and not slow" $$(grep -rl --include='*.py' 'mark\.docs' tests) $(ARGS)
+	$(PY) -m pytest -q -n 2 --dist loadgroup -m "docs and not slow" tests $(ARGS)
 
 check-results: $(STAMP)
-	$(PY) -m pytest -q -n 2 --dist loadscope -m "results and not slow" $$(grep -rl --include='*.py' 'mark\.results' tests) $(ARGS)
+	$(PY) -m pytest -q -n 2 --dist loadscope -m "results and not slow" tests $(ARGS)
 
 test-slow: $(SLOW_STAMP)
 	$(PY) -m pytest -q -n 2 -m slow tests $(ARGS)
