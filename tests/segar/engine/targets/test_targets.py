@@ -226,5 +226,6 @@ def test_compiled_functions_stand_in_rooms_whose_source_decides_the_code():
         for path in (ROOT / "segar").rglob("*.py")
         if re.search(r"^@(numba\.)?(njit|cached|vectorize)\b", path.read_text(), re.MULTILINE)
     }
-    assert compiled <= set(COMPILED) | {"metrics"}, "metrics are not called by environments"
+    others = {"metrics", "experiments"}  # the latter is a link in a checkout, and a folder in an sdist
+    assert compiled <= set(COMPILED) | others, "these are not called by environments"
     assert set(COMPILED) <= {path.name for path in (ROOT / "segar").iterdir()}
