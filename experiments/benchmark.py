@@ -195,8 +195,7 @@ def references_of(config: BenchmarkConfig) -> Iterator[BenchmarkConfig]:
     """The rows of idle, random and planner as far as scores on these suites need them and no folder of rows has them."""
     for player in (one for one in REFERENCES if one != config.player):
         rows = [read_row(place / player) for place in config.places if (place / player / ROW).exists()]
-        left = lacking(config, {(one.suite, one.suite_hash, one.seed) for row in rows for one in row.pieces})
-        if left:
+        if left := lacking(config, {(one.suite, one.suite_hash, one.seed) for row in rows for one in row.pieces}):
             names = tuple(dict.fromkeys(name for name, _ in left))
             other = {"policy": "", "actions": "", "privileged": False, "row": ""}
             yield dataclasses.replace(config, player=player, suites=names, **other)
@@ -216,7 +215,11 @@ def make_again(config: BenchmarkConfig) -> None:
     known = [row for row in rows if row.method.kind == "networks" or row.method.name in PLAYERS]
     for row in (row for row in rows if row not in known):
         print(f"row {row.method.name}: {row.method.says}: it was made elsewhere, and is verified, not made again")
-    todo = [part for row in known for part in again(config, row)]
+    asked = asked_suites(config)
+    pieces = ([one for one in row.pieces if one.suite in (asked or row.suites())] for row in known)
+    kept = [dataclasses.replace(row, pieces=tuple(some)) for row, some in zip(known, pieces, strict=True)]
+    todo = [part for row in kept for part in again(config, row)]
+    require(bool(todo or not asked), "suite", list(asked), f"one that {', '.join(config.again)} was made on")
     for one in todo:
         make_row(dataclasses.replace(one, dry_run=True))
     processes = config.processes or cores()
@@ -246,8 +249,7 @@ def train_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) -
     there = [run for run in runs_of(plan) if (run.levels.train, run.seed) not in set(left)]
 
     def finish(_: ReproduceConfig, made: ReproductionPlan) -> bool:
-        runs = [work.run for work in made.runs if is_finished(folder_path(work.run))]
-        if runs:
+        if runs := [work.run for work in made.runs if is_finished(folder_path(work.run))]:
             show(add(config, method, [trained_piece(one) for one in runs]))
         return True
 
@@ -350,8 +352,7 @@ def draw_row(config: BenchmarkConfig, row: Row) -> None:
         for one in row.pieces
     ]  # fmt: skip
     waiting = {one.path.stem: (one, DRAW_SECONDS) for one in tasks if one.found() is None}
-    failed = do_all(place / "logs", waiting, config.processes or cores(), draw_piece)
-    if failed:
+    if failed := do_all(place / "logs", waiting, config.processes or cores(), draw_piece):
         raise TrainingError(failures(failed, len(waiting)))
     show(write_drawn(row, [found for one in tasks if (found := one.found()) is not None]))
 
@@ -409,9 +410,9 @@ def show(row: Row) -> None:
 
 def verify_rows(config: BenchmarkConfig) -> None:
     """Plays rows again; raises :class:`RunFolderError`, when all were played, that names those that are not what they say."""
-    suites = () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
+    suites = asked_suites(config)
     rows = [row for row in named_rows(config.verify, config.places) if not suites or {*suites} & {*row.suites()}]
-    require(bool(rows), "suite", list(suites), f"one that {', '.join(config.verify)} was played on")
+    require(bool(rows), "suite", list(config.suites), f"one that {', '.join(config.verify)} was played on")
     refused = []
     for row in rows:
         began = time.monotonic()
@@ -432,6 +433,11 @@ def named_rows(names: Sequence[str], places: Sequence[Path]) -> list[Row]:
         names = sorted(str(path.parent) for place in places for path in place.glob(f"*/{ROW}"))
         require(bool(names), "rows", str(places[0]), "a folder with rows")
     return [read_row(row_folder(name, places)) for name in names]
+
+
+def asked_suites(config: BenchmarkConfig) -> tuple[str, ...]:
+    """The suites that a command about rows narrows them to; none: it does not."""
+    return () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
 
 
 DEFAULT_SUITES = BenchmarkConfig().suites

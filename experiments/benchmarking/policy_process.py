@@ -65,6 +65,7 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
         memory = [create_shared_memory(space, ROWS, context) for space in spaces]
         self._observed, self._acted = _arrays_of(spaces, memory)
         self._connection, theirs = context.Pipe()
+        os.set_blocking(self._connection.fileno(), False)  # who sends half an answer is not waited for
         self._process = context.Process(target=_serve, args=(theirs, name, side, spaces, memory))
         self._process.start()
         theirs.close()
@@ -115,9 +116,9 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
             problem = self._connection.recv_bytes().decode(errors="replace")
         except (EOFError, OSError):
             self._process.join(END)
-            raise TrainingError(
-                f"policy: the process of {self.name} ended by itself, with exit code {self._process.exitcode}"
-            ) from None
+            code = self._process.exitcode
+            what = "sent no whole answer" if code is None else f"ended by itself, with exit code {code}"
+            raise TrainingError(f"policy: the process of {self.name} {what}") from None
         if problem:
             raise ConfigError(f"policy: {self.name}: {problem}")
 
@@ -128,7 +129,7 @@ def _serve(
     """What the process does: make the policy, and act until the other end is closed."""
 
     def tell(problem: str = "") -> None:
-        connection.send_bytes(problem.encode(errors="replace"))
+        connection.send_bytes(problem[:4000].encode(errors="replace"))  # in one piece
 
     hide_tests()
     os.setsid()  # a group of its own, which ends as a whole

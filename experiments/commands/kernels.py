@@ -41,8 +41,7 @@ def choose_kernels(determinism: str) -> None:
     """
     global _chosen
     if determinism == "portable":
-        lacking = lacks_for_portable()
-        if lacking:
+        if lacking := lacks_for_portable():
             raise ConfigError(
                 f"determinism: portable needs a processor with {', '.join(lacking)}, which this one lacks"
             )

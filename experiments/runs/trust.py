@@ -46,8 +46,7 @@ def settings_of_file(
     allowed = {*trusted, *filter(None, os.environ.get(TRUSTED, "").split(","))}
     if EVERYTHING in allowed or hmac.compare_digest(signature.strip().encode(), _signature(content).encode()):
         return settings
-    outside = {place: name for place, name in names_in(settings) if not name.is_trusted(allowed)}
-    if outside:
+    if outside := {place: name for place, name in names_in(settings) if not name.is_trusted(allowed)}:
         names = ", ".join(f"{name} ({place})" for place, name in outside.items())
         packages = ",".join(sorted({EVERYTHING if name.is_in_file else name.package for name in outside.values()}))
         raise RunFolderError(

@@ -122,8 +122,7 @@ def curriculum_class(settings: Mapping[str, Any]) -> type[CurriculumConfig] | No
         ConfigError: there is no such class, or it is no sub-class of :class:`CurriculumConfig`.
     """
     if not any(settings.get(name) for name in NAMES_OF_CLASS) and settings.get("name", NO_CURRICULUM) == NO_CURRICULUM:
-        extra = [key for key in settings if key not in ("name", *NAMES_OF_CLASS)]
-        if extra:
+        if extra := [key for key in settings if key not in ("name", *NAMES_OF_CLASS)]:
             raise ConfigError(f"curriculum.{extra[0]}: there is no curriculum; choose one, such as curriculum=plr")
         return None
     return class_of(settings, CurriculumConfig, CURRICULA, settings.get("name"))

@@ -124,7 +124,6 @@ def class_behind(config: Any, setting: str, protocol: type, place: str) -> Any:
 
 def require_members(found: Any, members: Iterable[str], problem: str, protocol: type) -> None:
     """Raise :class:`ConfigError` that begins with the ``problem`` where an object lacks some of these public members."""
-    lacking = [name for name in members if not name.startswith("_") and not hasattr(found, name)]
-    if lacking:
+    if lacking := [name for name in members if not name.startswith("_") and not hasattr(found, name)]:
         shown = ", ".join(lacking[:SHOWN]) + (", ..." if len(lacking) > SHOWN else "")
         raise ConfigError(f"{problem}: it lacks {shown}. {protocol.__module__} says what each is for")

@@ -44,10 +44,20 @@ def dies(side, seed):
     return lambda observations: os._exit(7)
 
 
+def pipe_of_this_process():
+    return next(one for one in gc.get_objects() if isinstance(one, Connection))
+
+
 def forges(side, seed):
     """Answers in place of the process that it is in."""
-    connection = next(one for one in gc.get_objects() if isinstance(one, Connection))
+    connection = pipe_of_this_process()
     return lambda observations: connection.send_bytes(b"[1]")
+
+
+def stammers(side, seed):
+    """Begins an answer that is longer than what it sends, and waits."""
+    connection = pipe_of_this_process()
+    return lambda observations: time.sleep(os.write(connection.fileno(), b"\0\0\0\7half") * 100)
 
 
 def leaves_a_child(side, seed):

@@ -274,6 +274,7 @@ def test_wrong_actions_are_refused(tmp_path, actions, said):
         ),
         ("of_another_shape", ConfigError, r"actions must have shape \(25, 2\), not \(25, 3\)"),
         ("dies", TrainingError, "ended by itself, with exit code 7"),
+        ("stammers", TrainingError, "sent no whole answer"),
         ("forges", ConfigError, r"\[1\]"),
         (
             "hangs",
@@ -568,6 +569,8 @@ def test_a_trained_row_resumes_replays_and_can_be_made_again(tmp_path, capsys):
     assert read_row(tmp_path / "third" / "ppo-state-open").hash == row.hash
     with pytest.raises(ConfigError, match="holds the rows themselves"):
         benchmark(dataclasses.replace(config, again=("ppo-state-open",)))
+    with pytest.raises(ConfigError, match="suite: .* one that .*ppo-state-open was made on"):
+        benchmark(dataclasses.replace(config, suites=("goal-moves-v1",), **places))
 
 
 @pytest.mark.compiled
