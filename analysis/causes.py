@@ -31,8 +31,7 @@ def read_causes(*folders: str | Path) -> pd.DataFrame:
     Raises:
         SegarError: there is none.
     """
-    paths = sorted(path for folder in folders for path in Path(folder).expanduser().rglob(CAUSES))
-    if not paths:
+    if not (paths := sorted(path for folder in folders for path in Path(folder).expanduser().rglob(CAUSES))):
         raise SegarError(
             f"there is no {CAUSES} below {', '.join(map(str, folders))}; segar evaluate run=FOLDER twins=true writes one"
         )

@@ -36,8 +36,7 @@ def causes_in(episodes: pd.DataFrame) -> pd.DataFrame:
 def causes_of_rows(rows: Sequence[Row]) -> pd.DataFrame:
     """One line per row, suite, seed and group, as of :func:`causes_in`, in the column ``row`` the name of the row."""
     found = [causes_in(row.results().to_pandas()).assign(row=row.method.name) for row in rows]
-    kept = [one for one in found if len(one)]
-    if not kept:
+    if not (kept := [one for one in found if len(one)]):
         return pd.DataFrame(columns=["row", "suite", "seed", "group", "differs", "effect"])
     table = pd.concat(kept, ignore_index=True)
     return pick(table, ["row", *(str(name) for name in table if name != "row")])

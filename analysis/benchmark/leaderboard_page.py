@@ -16,6 +16,7 @@ from segar.analysis.benchmark.scores import (
     OVERALL,
     PRACTICE,
     TIME,
+    WEIGHTED,
     beats_chance,
     learners_on,
     places_of,
@@ -56,6 +57,7 @@ def page_text(
         levels=LEVELS,
         budgets=BUDGETS,
         repeated=repeated,
+        weighted=generalizability(keep(learners, learners[WEIGHTED].notna()), WEIGHTED, "row", "suite", "seed"),
         overall=overall_table(rows, table, board, suites[OVERALL]),
         practice=practice_table(rows, board),
         chance=chance_text(unaided, members),
@@ -116,17 +118,18 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
     lines = []
     for name in sorted(select(overall, quantity=DRAWN)["row"], key=lambda one: (found.get(one, last), one)):
         unknown: Mapping[str, Any] = dict.fromkeys(("estimate", "low", "high", "suites_low"), math.nan)
-        quantities = (DRAWN, TIME, "practice_minus_drawn", "score")
-        drawn, time, apart, score = (lines_of.get((one, name), unknown) for one in quantities)
-        shown = [interval(drawn), over_suites(drawn), interval(time)]
+        quantities = (DRAWN, TIME, WEIGHTED, "practice_minus_drawn", "score")
+        drawn, time, weighted, apart, score = (lines_of.get((one, name), unknown) for one in quantities)
+        shown = [interval(drawn), over_suites(drawn), interval(time), interval(weighted)]
         shown += [f"{number(apart['estimate'])} {over_suites(apart)}", number(score["estimate"]), str(drawn["seeds"])]
         lines.append(
             [named(rows[name]), place_text(found.get(name)), *shown, f"`{commitment_of_row(rows[name])[:16]}`"]
         )
-    head = ["row", "place", "success above chance", "over suites", "time", "practice minus drawn, over suites", "score"]
+    head = ["row", "place", "success above chance", "over suites", "time", "success weighted by time"]
+    head += ["practice minus drawn, over suites", "score", "seeds", "commitment"]
     # A bound of what the luckiest of these normal draws is above the mean: of success 0.5, on the levels of each suite.
     gain = (2 * math.log(TRIED)) ** 0.5 * (0.25 / (LEVELS * max(len(suites), 1))) ** 0.5
-    text = markdown([*head, "seeds", "commitment"], lines) + GRINDING.format(tried=TRIED, gain=number(100 * gain, 1))
+    text = markdown(head, lines) + GRINDING.format(tried=TRIED, gain=number(100 * gain, 1))
     lacking = [
         f"`{name}` ({len({*row.suites()} & {*suites})} of {len(suites)} suites)"
         for name, row in rows.items()
@@ -180,8 +183,7 @@ def practice_table(rows: Mapping[str, Row], board: pd.DataFrame) -> str:
 
 def chance_text(table: pd.DataFrame, members: Sequence[str]) -> str:
     """The suites on which nobody who learns beats chance."""
-    lost = [name for name in members if not beats_chance(table, name)]
-    if not lost:
+    if not (lost := [name for name in members if not beats_chance(table, name)]):
         return "On every suite, a learner solves more levels than random play does.\n"
     return f"No learner solves more levels than random play does on: {', '.join(lost)}. These suites count like all others.\n"
 

@@ -20,16 +20,18 @@ from segar.experiments.settings import RunFolderError
 from segar.suites import AXES, outline
 
 IDLE, RANDOM, PLANNER = REFERENCES
-DRAWN, PRACTICE, TIME = "drawn", "practice", "time"
-"""Success corrected for chance on drawn levels and on the frozen ones: 0 is that of random play, 1 the planner's; and the
-steps on drawn levels that both solved, over the planner's."""
+DRAWN, PRACTICE, TIME, WEIGHTED = "drawn", "practice", "time", "success_by_time"
+"""Success corrected for chance on drawn levels and on the frozen ones: 0 is that of random play, 1 the planner's; the steps on
+drawn levels that both solved, over the planner's; and success weighted by time (Yokoyama et al. 2021): the mean over frozen
+test levels of the planner's steps over the method's, at most 1, and of 0 where it fails."""
 ENDS = ("low", "high")
 OVERALL = "all"  # of the axes
-QUANTITIES = (DRAWN, PRACTICE, "practice_minus_drawn", TIME, "score", EFFECT)
+QUANTITIES = (DRAWN, PRACTICE, "practice_minus_drawn", TIME, WEIGHTED, "score", EFFECT)
 FIGURES = {  # of a row on a suite, and what pages call them
     DRAWN: "success above chance, drawn",
     PRACTICE: "success above chance, practice",
     TIME: "time",
+    WEIGHTED: "success weighted by time",
     "train_return": "return, training",
     "test_return": "return, test",
     "gap": "gap",
@@ -77,18 +79,20 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
             line |= {"suite_hash": piece.suite_hash, "seed": piece.seed}
             line[EFFECT] = effects.get((name, piece.suite, piece.seed), np.nan)
             for side in (side for side in SIDES if side in piece.levels):
-                own = [float(one.mean()) for one in means[row.folder][piece.suite, piece.seed, side]]
+                *own, paces = means[row.folder][piece.suite, piece.seed, side]
+                own = [float(one.mean()) for one in own]
                 line |= {f"{side}_return": own[0], f"{side}_success": own[1]}
                 keys = [(player, piece.suite, side, piece.levels[side]) for player in (RANDOM, IDLE, PLANNER)]
                 if not all(key in played for key in keys):
                     continue
                 reached = [np.mean(played[key], axis=0) for key in keys]
-                returns, solved = (Baselines(*one) for one in zip(*reached, strict=True))
+                returns, solved, pace = (Baselines(*one) for one in zip(*reached, strict=True))
                 line[{"train": "train_score", "test": "score"}[side]] = float(returns.normalised(own[0]))
                 if side == "test":
                     line["regret"] = float(returns.regret(own[0]))
                     chance = solved.random.mean()
                     line[PRACTICE] = (own[1] - chance) / (solved.oracle.mean() - chance)
+                    line[WEIGHTED] = float(np.minimum(paces / np.maximum(pace.oracle, 1e-9), 1).mean())
             if one := drawn.get((piece.suite, piece.seed)):
                 line |= {DRAWN: one.corrected, TIME: one.steps / one.planner_steps if one.planner_steps else np.nan}
             lines.append(line)
@@ -99,14 +103,15 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
 
 
 def level_means(row: Row) -> dict[tuple[str, int, str], Floats]:
-    """The mean return and success on each level, float64 ``(2, levels)``, by suite, seed and side.
+    """The mean return, success and success over steps on each level, float64 ``(3, levels)``, by suite, seed and side.
 
     Raises:
         RunFolderError: a suite is another version here, or the row has not all of its test levels, others, or some of them
             more often.
     """
     episodes = row.results().to_pandas()
-    played = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]]
+    episodes["pace"] = episodes["success"] / episodes.get("length", np.nan)
+    played = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success", "pace"]]
     means, counts = played.mean(), played.size()
     for piece in row.pieces:
         n, of = len(suite_of(row, piece).test_levels), counts.loc[piece.suite, piece.seed, "test"]

@@ -61,8 +61,7 @@ def probe_factors(
             there = np.isfinite(pairs.factors[:, k])
             z, group = pairs.factors[there, k], pairs.episode[there]
             base = {"factor": column.name, "probe": probe, "frames": int(there.sum()), "static": column.is_static}
-            reason = why_not(z, group)
-            if reason:
+            if reason := why_not(z, group):
                 quantity = "accuracy" if column.is_category else "r2"
                 rows.append(Estimate.missing(len(np.unique(group)), reason).row(**base, quantity=quantity))
                 continue

@@ -132,8 +132,7 @@ def standardised(factors: Floats, columns: Sequence[Column] | None = None) -> ND
             parts.extend((x == value).astype(float) for value in np.unique(x[there]))
         elif x[there].std() > 1e-12 * np.abs(x[there]).max():  # what rounding leaves of a constant is no variation
             parts.append(np.where(there, x - x[there].mean(), 0.0))
-    varied = [part for part in parts if part.std() > 0]
-    if not varied:
+    if not (varied := [part for part in parts if part.std() > 0]):
         raise LevelError("no factor varies in these frames: there is nothing to be known about them")
     return np.stack([(part - part.mean()) / part.std() for part in varied], axis=1).astype(np.float32)
 

@@ -93,8 +93,7 @@ def probe_pairs(pairs: Pairs, rng: np.random.Generator, wanted: Sequence[str], c
             for quantity, one in zip(("accuracy", "information"), found, strict=True):
                 rows.append(one.row(factor="all", probe=bound, quantity=quantity, frames=len(pairs)))
     tables = [pd.DataFrame(rows)] if rows else []
-    readouts = [name for name in READOUTS if name in wanted]
-    if readouts:
+    if readouts := [name for name in READOUTS if name in wanted]:
         tables.append(probe_factors(pairs, rng, probes=readouts, nearest=KSG in wanted))
     return pd.concat([table.astype(object) for table in tables], ignore_index=True).infer_objects()
 

@@ -116,8 +116,7 @@ class Results:
     def with_training_sets(self, runs: pd.DataFrame) -> pd.DataFrame:
         """The runs with the measures of their training sets, from the studies that have a table ``training_sets``; as they are
         without one."""
-        parts = [tables["training_sets"] for tables in self.studies.values() if "training_sets" in tables]
-        if not parts:
+        if not (parts := [tables["training_sets"] for tables in self.studies.values() if "training_sets" in tables]):
             return runs
         return runs.merge(pd.concat(parts).drop_duplicates(), on=[*BLOCK, "n", "design"], how="left", validate="m:1")
 

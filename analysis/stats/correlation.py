@@ -44,8 +44,7 @@ def correlate(x: Floats, y: Floats, covariates: Floats | None = None) -> Correla
     Up to 7 points without covariates, Spearman's p counts all orders: t would call 4 points in order certain.
     """
     given = np.ones((len(x), 1)) if covariates is None else np.column_stack([np.ones(len(x)), covariates])
-    reason = why_not(x, y) or _why_no_partial(x, y, given)
-    if reason:
+    if reason := why_not(x, y) or _why_no_partial(x, y, given):
         none = Estimate.missing(len(x), reason)
         return Correlation(none, none)
     freedom = len(x) - 1 - int(np.linalg.matrix_rank(given))

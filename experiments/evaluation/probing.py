@@ -123,8 +123,7 @@ def probe_finished(run: RunConfig, config: ProbeConfig, say: Callable[[str], Non
         send_to_tracker(run, folder, say)
     say(f"{run.label()}: probed in {took:.1f} s, accuracy {figures.get(PREFIX + 'accuracy/test', float('nan')):.3f}")
     of_trained = [row for row in rows if row["representation"] == TRAINED and row["levels"] == "test"]
-    notes = [row["note"] for row in of_trained if row.get("note")]
-    if notes:
+    if notes := [row["note"] for row in of_trained if row.get("note")]:
         say(
             f"{len(notes)} of {len(of_trained)} results on test levels have a note, most often: {max(notes, key=notes.count)}"
         )

@@ -201,8 +201,7 @@ def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]
     kinds = to_be_equal(dict.fromkeys([*kind_columns(runs[0]), *(name for name in runs[0] if "." in name)]), by)
     at = [name for name in (*shared, *size, "seed", AGENT_SEED, *kinds) if name != by]
     places = {tuple(run[name] for name in at) for run in parts[1]}
-    compared = [run for run in parts[0] if tuple(run[name] for name in at) in places]
-    if not compared:
+    if not (compared := [run for run in parts[0] if tuple(run[name] for name in at) in places]):
         raise ConfigError(
             f"{place}.between: no two runs are equal but for {by}={first} and {second}, so that it cannot be tested: runs are"
             f" compared that have the same {', '.join(at)}"

@@ -133,8 +133,7 @@ def _compared(copy: RunRow, kept: RunRow) -> str:
 
 def copies_warning(rows: Iterable[RunRow]) -> str:
     """Which folders hold a run that another folder holds, too, and do not count; empty where none does."""
-    found = [f"{', '.join(row.copies)} beside {row.folder}, which counts" for row in rows if row.copies]
-    if not found:
+    if not (found := [f"{', '.join(row.copies)} beside {row.folder}, which counts" for row in rows if row.copies]):
         return ""
     return f"warning: the same run lies in several folders, and counts once: {_some(found, '; ')}"
 
@@ -225,8 +224,7 @@ def code_warning(runs: Sequence[RunRow]) -> str:
 
 def seen_warning(runs: Sequence[RunRow]) -> str:
     """In which runs test levels are among the training levels; empty where in none."""
-    found = [row for row in runs if row.seen]
-    if not found:
+    if not (found := [row for row in runs if row.seen]):
         return ""
     names, share = [row.folder.name for row in found], max(row.seen for row in found)
     return (

@@ -37,8 +37,7 @@ def scored(results: Results, experiment: str) -> pd.DataFrame | str:
     if missing:
         return f"the floor and the oracle were not measured in {', '.join(missing)} (`experiments=[anchors]`)"
     low, high = (np.array([player[panel] for panel in runs["panel"]]) for player in (floor, oracle))
-    useless = sorted(set(keep(runs, high <= low)["panel"]))
-    if useless:
+    if useless := sorted(set(keep(runs, high <= low)["panel"])):
         return f"in {', '.join(useless)} the planner is no better than idle or random play, so there are no scores"
     reached = column(runs, ETA)
     whole = complete(runs.assign(score=(reached - low) / (high - low), regret=high - reached))

@@ -116,8 +116,7 @@ def in_a_word(claims: Mapping[str, Claim]) -> str:
     """The answer to the title's question, by the rule in ``rules.yaml``: yes, partly, no, or not known yet."""
     headline = claims["3a"].verdict(METRIC_OURS)
     itself = of_itself([claims[name].verdict(METRIC_OURS) for name in OF_W2])
-    both = [headline, itself].count(verdicts.SUPPORTED)
-    if both:
+    if both := [headline, itself].count(verdicts.SUPPORTED):
         return "yes" if both == 2 else "partly"
     return "no" if {headline, itself} == {verdicts.NOT_SUPPORTED} else "not known yet"
 

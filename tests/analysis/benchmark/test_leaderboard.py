@@ -19,6 +19,7 @@ from segar.analysis.benchmark.scores import (
     OVERALL,
     PRACTICE,
     QUANTITIES,
+    WEIGHTED,
     beats_chance,
     by_name,
     figures_of,
@@ -218,6 +219,23 @@ def test_a_row_with_other_test_levels_or_of_another_version_of_a_suite_is_in_no_
     )
     with pytest.raises(RunFolderError, match=said):
         figures_of([row], causes_of_rows([row]))
+
+
+def test_success_weighted_by_time_is_1_for_the_planner_and_at_most_success(table):
+    of = table.set_index(["row", "suite", "seed"])
+    assert (of.loc["planner", WEIGHTED] == 1).all() and of.loc["random", WEIGHTED].isna().all()
+    assert (of[WEIGHTED] <= of["test_success"] + 1e-12)[of[WEIGHTED].notna()].all()
+    steps, (row,) = {}, (one for one in rows_in([SHIPPED]) if one.method.name == "sac_fast-state-laptop")
+    for one in (by_name(rows_in([SHIPPED]))["planner"], row):
+        for episode in one.results().to_pylist():
+            if episode["levels"] == "test":
+                key = episode["suite"], episode["seed"], episode["level"]
+                steps.setdefault(key, []).append(episode["length"] if episode["success"] else np.inf)
+    parts = [(key, min(1.0, both[0] / both[1])) for key, both in steps.items() if len(both) == 2]
+    for name in row.suites():
+        for seed in range(1, 6):
+            mean = np.mean([part for key, part in parts if key[:2] == (name, seed)])
+            assert of.loc[(row.method.name, name, seed), WEIGHTED] == pytest.approx(mean)
 
 
 def test_of_many_learners_at_chance_none_beats_it():
