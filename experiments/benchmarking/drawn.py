@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -108,10 +109,12 @@ def drawn_of(piece: Piece, file: Path, given: Draw, played: PlayedEpisodes) -> D
     for array in (played.returns, played.length, played.success):
         episodes.update(np.ascontiguousarray(array).tobytes())
     both = played.success & given.plan.solved
+    parts = np.minimum(np.where(given.plan.solved, given.plan.steps, np.inf) / played.length, 1.0)
     return Drawn(
         piece.suite, piece.seed, sha256_of(file, "file", RunFolderError) if piece.file else "",
         hash_of_levels(given.levels), LEVELS, int(played.success.sum()), given.random, int(given.plan.solved.sum()),
         int(played.length[both].sum()), int(given.plan.steps[both].sum()), episodes.hexdigest(),
+        math.fsum(parts[played.success]),
     )  # fmt: skip
 
 

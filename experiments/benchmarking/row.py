@@ -71,7 +71,7 @@ FORM = {
     "made_with": [dict],
     "files": {str: str},
     "drawn?": [{"suite": str, "seed": int, "file": str, "levels": str, "count": int, "solved": int, "random": int,
-                "planner": int, "steps": int, "planner_steps": int, "episodes": str}],
+                "planner": int, "steps": int, "planner_steps": int, "episodes": str, "by_time?": (float, None)}],
     "protocol?": int,
     "means?": str,
     "hash": str,
@@ -112,6 +112,8 @@ class Drawn:
             on each level ended in success.
         steps, planner_steps: in all, on levels that both solved.
         episodes: a hash of the return, length and success of every episode of the method.
+        by_time: the sum, over levels that the method solved, of the planner's steps over the method's, at most 1, and 1 where
+            the planner failed; None in rows that were drawn before 0.3.
     """
 
     suite: str
@@ -125,6 +127,7 @@ class Drawn:
     steps: int
     planner_steps: int
     episodes: str
+    by_time: float | None = None
 
     @property
     def corrected(self) -> float:
@@ -284,8 +287,9 @@ def _check_drawn(path: Path, data: Mapping[str, Any], drawn: Sequence[Drawn]) ->
             raise RunFolderError(f"{where}: its file has the SHA-256 {data['files'].get(file)}..., not {one.file}")
         chance, most = one.random / RANDOM_PLAYS, one.count
         steps = min(one.steps, one.planner_steps)
-        if not (0 <= one.solved <= most and 0 <= chance < one.planner <= most and steps >= 0):
-            numbers = f"{one.solved} solved of {most}, random {chance:g}, planner {one.planner}"
+        by_time = 0 <= (one.by_time or 0) <= one.solved <= most
+        if not (by_time and 0 <= chance < one.planner <= most and steps >= 0):
+            numbers = f"{one.solved} solved of {most}, random {chance:g}, planner {one.planner}, by time {one.by_time}"
             raise RunFolderError(f"{where}: {numbers} cannot be")
 
 

@@ -103,7 +103,7 @@ def _verify_drawn(
         there, path = stated[piece.suite, piece.seed], row.folder / piece.file
         here = play_drawn(method, piece, path, commitment)
         for one in (field.name for field in dataclasses.fields(Drawn)):
-            if getattr(there, one) != getattr(here, one):
+            if getattr(there, one) not in (None, getattr(here, one)):
                 raise RunFolderError(
                     f"{name}: drawn levels: '{one}' is {getattr(there, one)!r} in the row and {getattr(here, one)!r} when they"
                     " are drawn and played again"

@@ -328,16 +328,29 @@ def test_what_is_said_of_drawn_levels_cannot_be_edited(tmp_path, few_drawn):
     (one,) = (dataclasses.asdict(one) for one in row.drawn)
     with pytest.raises(RunFolderError, match="levels were drawn by protocol 3, and this version plays protocol 2"):
         edited(row, protocol=3)
-    with pytest.raises(RunFolderError, match=f"{SUITE}, seed 1: .* cannot be"):
-        edited(row, protocol=2, drawn=[{**one, "solved": few_drawn + 1}])
+    for wrong in ({"solved": few_drawn + 1}, {"by_time": one["solved"] + 0.5}):
+        with pytest.raises(RunFolderError, match=f"{SUITE}, seed 1: .* cannot be"):
+            edited(row, protocol=2, drawn=[{**one, **wrong}])
+    assert verify(edited(row, drawn=[{key: value for key, value in one.items() if key != "by_time"}]))  # as before 0.3
     with pytest.raises(RunFolderError, match="it must have the pieces of the row"):
         edited(row, drawn=[one, one])
     for changes, said in (
         ({"solved": one["solved"] + 1}, "'solved' is"),
         ({"levels": "0000"}, "'levels' is '0000' in the row"),
+        ({"by_time": one["by_time"] - 1e-9}, "'by_time' is"),
     ):
         with pytest.raises(RunFolderError, match=f"script: {SUITE}-s1: drawn levels: {said}"):
             verify(edited(row, drawn=[{**one, **changes}]))
+
+
+def test_a_planner_takes_the_planners_time_and_a_script_at_most_as_much_credit_as_it_solves(tmp_path, few_drawn):
+    for player in ("planner", "script"):
+        (found,) = drawn_here(row_made_here(config_of(tmp_path, player=player))).drawn
+        of_means = (
+            found.solved * found.planner_steps / found.steps
+        )  # weighted by its steps; a mean of quotients is larger
+        assert found.by_time == found.solved if player == "planner" else 0 < found.by_time < found.solved
+        assert found.by_time >= 0.9 * of_means
 
 
 def test_recorded_actions_are_practice_alone_and_a_policy_must_be_the_one_that_was_committed(tmp_path, few_drawn):
@@ -569,7 +582,7 @@ def test_a_trained_row_resumes_replays_and_can_be_made_again(tmp_path, capsys):
     assert read_row(tmp_path / "third" / "ppo-state-open").hash == row.hash
     with pytest.raises(ConfigError, match="holds the rows themselves"):
         benchmark(dataclasses.replace(config, again=("ppo-state-open",)))
-    with pytest.raises(ConfigError, match="suite: .* one that .*ppo-state-open was made on"):
+    with pytest.raises(ConfigError, match=r"suite: .* one that .*ppo-state-open was made on"):
         benchmark(dataclasses.replace(config, suites=("goal-moves-v1",), **places))
 
 
