@@ -113,7 +113,7 @@ class Drawn:
         steps, planner_steps: in all, on levels that both solved.
         episodes: a hash of the return, length and success of every episode of the method.
         by_time: the sum, over levels that the method solved, of the planner's steps over the method's, at most 1, and 1 where
-            the planner failed; None in rows that were drawn before 0.3.
+            the planner failed; None in rows that were drawn without it.
     """
 
     suite: str
