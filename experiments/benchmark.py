@@ -215,10 +215,10 @@ def make_again(config: BenchmarkConfig) -> None:
     known = [row for row in rows if row.method.kind == "networks" or row.method.name in PLAYERS]
     for row in (row for row in rows if row not in known):
         print(f"row {row.method.name}: {row.method.says}: it was made elsewhere, and is verified, not made again")
-    asked = asked_suites(config)
-    pieces = ([one for one in row.pieces if one.suite in (asked or row.suites())] for row in known)
-    kept = [dataclasses.replace(row, pieces=tuple(some)) for row, some in zip(known, pieces, strict=True)]
-    todo = [part for row in kept for part in again(config, row)]
+    asked, todo = asked_suites(config), list[BenchmarkConfig]()
+    for row in known:
+        pieces = tuple(one for one in row.pieces if one.suite in (asked or row.suites()))
+        todo += again(config, dataclasses.replace(row, pieces=pieces))
     require(bool(todo or not asked), "suite", list(asked), f"one that {', '.join(config.again)} was made on")
     for one in todo:
         make_row(dataclasses.replace(one, dry_run=True))
