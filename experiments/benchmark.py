@@ -412,7 +412,7 @@ def verify_rows(config: BenchmarkConfig) -> None:
     """Plays rows again; raises :class:`RunFolderError`, when all were played, that names those that are not what they say."""
     suites = asked_suites(config)
     rows = [row for row in named_rows(config.verify, config.places) if not suites or {*suites} & {*row.suites()}]
-    require(bool(rows), "suite", list(config.suites), f"one that {', '.join(config.verify)} was played on")
+    require(bool(rows), "suite", list(suites), f"one that {', '.join(config.verify)} was played on")
     refused = []
     for row in rows:
         began = time.monotonic()

@@ -92,6 +92,7 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
                     line["regret"] = float(returns.regret(own[0]))
                     chance = solved.random.mean()
                     line[PRACTICE] = (own[1] - chance) / (solved.oracle.mean() - chance)
+                    # Where the planner failed, whoever solves the level took no longer.
                     line[WEIGHTED] = float(np.minimum(paces / np.maximum(pace.oracle, 1e-9), 1).mean())
             if one := drawn.get((piece.suite, piece.seed)):
                 line |= {DRAWN: one.corrected, TIME: one.steps / one.planner_steps if one.planner_steps else np.nan}

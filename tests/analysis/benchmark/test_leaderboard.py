@@ -54,13 +54,18 @@ MADE = (SCORES, BOARD, CAUSES)
 
 
 @pytest.fixture(scope="module")
-def causes():
-    return causes_of_rows(rows_in([SHIPPED]))
+def rows():
+    return rows_in([SHIPPED])
 
 
 @pytest.fixture(scope="module")
-def table(causes):
-    return figures_of(rows_in([SHIPPED]), causes)
+def causes(rows):
+    return causes_of_rows(rows)
+
+
+@pytest.fixture(scope="module")
+def table(rows, causes):
+    return figures_of(rows, causes)
 
 
 @pytest.fixture(scope="module")
@@ -221,21 +226,17 @@ def test_a_row_with_other_test_levels_or_of_another_version_of_a_suite_is_in_no_
         figures_of([row], causes_of_rows([row]))
 
 
-def test_success_weighted_by_time_is_1_for_the_planner_and_at_most_success(table):
+def test_success_weighted_by_time_is_1_for_the_planner_and_at_most_success(rows, table):
     of = table.set_index(["row", "suite", "seed"])
     assert (of.loc["planner", WEIGHTED] == 1).all() and of.loc["random", WEIGHTED].isna().all()
     assert (of[WEIGHTED] <= of["test_success"] + 1e-12)[of[WEIGHTED].notna()].all()
-    steps, (row,) = {}, (one for one in rows_in([SHIPPED]) if one.method.name == "sac_fast-state-laptop")
-    for one in (by_name(rows_in([SHIPPED]))["planner"], row):
-        for episode in one.results().to_pylist():
-            if episode["levels"] == "test":
-                key = episode["suite"], episode["seed"], episode["level"]
-                steps.setdefault(key, []).append(episode["length"] if episode["success"] else np.inf)
-    parts = [(key, min(1.0, both[0] / both[1])) for key, both in steps.items() if len(both) == 2]
-    for name in row.suites():
-        for seed in range(1, 6):
-            mean = np.mean([part for key, part in parts if key[:2] == (name, seed)])
-            assert of.loc[(row.method.name, name, seed), WEIGHTED] == pytest.approx(mean)
+    names = ("sac_fast-state-laptop", "planner")
+    row, planner = (by_name(rows)[name].results().to_pandas().query("levels == 'test'") for name in names)
+    both = row.merge(planner, on=["suite", "seed", "level"], suffixes=("", "_of_planner"), validate="one_to_one")
+    assert len(both) == len(row) and both["success_of_planner"].all()
+    part = (both["length_of_planner"] / both["length"]).clip(upper=1).where(both["success"], 0)
+    means = part.groupby([both["suite"], both["seed"]]).mean()
+    assert len(means) == 55 and of.loc["sac_fast-state-laptop", WEIGHTED].to_dict() == pytest.approx(means.to_dict())
 
 
 def test_of_many_learners_at_chance_none_beats_it():
