@@ -1,8 +1,9 @@
 """The core of suites that the rules of decisions 0041 and 0050 choose, from success on frozen test levels.
 
 ``python docs/site/core.py`` reads ``docs/results/core/scores.csv``, and for what the rows of the benchmark have played already
-``docs/results/benchmark/scores.csv``; and ``panel.csv``, what ``segar benchmark panel=true`` found on the five suites that it
-had not played. It writes ``suites.csv``, ``core.png`` and the page ``findings.md`` beside the former.
+``docs/results/benchmark/scores.csv``; ``panel.csv``, what ``segar benchmark panel=true`` found on the five suites that it had
+not played; and ``by_time.csv``, the runs of decision 0051. It writes ``suites.csv``, ``core.png`` and the page ``findings.md``
+beside the former.
 """
 
 from pathlib import Path
@@ -20,7 +21,7 @@ from segar.analysis.benchmark.leaderboard_page import (
     place_text,
     repetition_tables,
 )
-from segar.analysis.benchmark.scores import DRAWN, PRACTICE
+from segar.analysis.benchmark.scores import DRAWN, PRACTICE, WEIGHTED
 from segar.analysis.plotting import style
 from segar.analysis.plotting.figures import legend_below, new_figure, save_figure, zero_line
 from segar.analysis.stats.estimate import mean_of_replicates
@@ -110,7 +111,7 @@ def page(table: pd.DataFrame, suites: pd.DataFrame, core: list[str]) -> str:
     """The page in Markdown."""
     first, second, there = halves(table)
     panel = pd.read_csv(FOLDER / "panel.csv")
-    used = pd.concat([first, second])
+    used, timed = pd.concat([first, second]), pd.read_csv(FOLDER / "by_time.csv")
     found, every = agreement(first, core), agreement(first, [*suites["suite"]])
     lines = [
         [
@@ -122,11 +123,6 @@ def page(table: pd.DataFrame, suites: pd.DataFrame, core: list[str]) -> str:
     ]  # fmt: skip
     head = ["place", "suite", "axis", "best learner", "its success above chance", "counts", "share of methods"]
     in_core = used[used["suite"].isin(core)]
-    means = in_core.groupby(["row", "seed"])[PRACTICE].mean().unstack("row")
-    by_place = sorted(places(means).items(), key=lambda one: (one[1], one[0]))
-    rows = []
-    for row, place in by_place:
-        rows.append([str(row), place_text(place), interval(vars(mean_of_replicates(means[row].to_numpy())))])
     parts = repetition_tables(in_core.assign(**{DRAWN: in_core[PRACTICE]}), agreement(used, core))
     if len(second):
         again = agreement(second, core)
@@ -136,9 +132,34 @@ def page(table: pd.DataFrame, suites: pd.DataFrame, core: list[str]) -> str:
     return TEXT.format(
         says=says, trusted=TRUSTED_COEFFICIENT, here=interval(vars(found.coefficient)), all=interval(vars(every.coefficient)),
         methods=found.methods, n=len(core), candidates=len(suites), suites=markdown(head, lines, texts=4),
-        rows=markdown(["learner", "place", "success above chance"], rows), components=parts["components"],
-        needed=parts["needed"], seeds="ten" if len(second) else "five", others=other_outcomes(used, second, core),
+        rows=placed(in_core, PRACTICE, "success above chance"), components=parts["components"], needed=parts["needed"],
+        seeds="ten" if len(second) else "five", others=other_outcomes(used, second, core), weighted=weighted_by_time(timed),
         replay=reached(panel, "replay of the practice plans"), nearest=reached(panel, "plan of the nearest training level"),
+    )  # fmt: skip
+
+
+def placed(table: pd.DataFrame, value: str, words: str) -> str:
+    """The learners by their places, with their means over suites and Student's intervals over seeds."""
+    means = table.groupby(["row", "seed"])[value].mean().unstack("row")
+    lines = [
+        [str(row), place_text(place), interval(vars(mean_of_replicates(means[row].to_numpy())))]
+        for row, place in sorted(places(means).items(), key=lambda one: (one[1], one[0]))
+    ]
+    return markdown(["learner", "place", words], lines)
+
+
+def weighted_by_time(runs: pd.DataFrame) -> str:
+    """What decision 0051 says of success weighted by time; no number is looked at before all runs of the learners are there."""
+    runs = runs[runs["row"].isin(LEARNERS)].replace({"row": LEARNERS})
+    suites, seeds = runs["suite"].nunique(), runs["seed"].nunique()
+    if len(runs) < (whole := len(LEARNERS) * suites * seeds):
+        return f"No verdict yet: {len(runs)} of {whole} runs are there.\n"
+    found = agreement(runs, [*runs["suite"]], WEIGHTED)
+    needed = [[str(n), str(found.suites_needed(n) or f"more than {MOST_SUITES}")] for n in SEEDS]
+    return WEIGHTED_TEXT.format(
+        verdict=verdict(found), here=interval(vars(found.coefficient)), methods=found.methods, suites=suites,
+        first=runs["seed"].min(), last=runs["seed"].max(), trusted=TRUSTED_COEFFICIENT,
+        rows=placed(runs, WEIGHTED, "success weighted by time"), needed=markdown(["seeds", "suites"], needed),
     )  # fmt: skip
 
 
@@ -172,6 +193,13 @@ def verdict(found: Generalizability) -> str:
 
 CONFIRMED = """**On seeds 6 to 10, which chose nothing, the core {verdict} these learners:** their coefficient of
 generalizability is {here}. On seeds 1 to 5, by which it was chosen, it {first} them."""
+WEIGHTED_TEXT = """**Success weighted by time {verdict} these learners:** of {methods} learners, {suites} suites
+and seeds {first} to {last} the coefficient of generalizability is {here}; a ranking needs a lower end of {trusted}.
+
+{rows}
+In planted tables with these components, the best method has the highest mean in 9 of 10 repetitions with so many suites:
+
+{needed}"""
 OPEN = """**On seeds 1 to 5 the chosen core {first} these learners.** Nothing is confirmed: of the {runs} runs of seeds 6 to 10,
 {there} are there, and no rule looks at them before all are."""
 TEXT = """# Which suites make a core that ranks
@@ -213,7 +241,15 @@ share their places.
 In planted tables with these components, the best method has the highest mean in 9 of 10 repetitions with so many suites:
 
 {needed}
-{others}"""
+{others}
+## Success weighted by time
+
+The mean over frozen test levels of the planner's steps over the method's, at most 1, and of 0 where it fails (Yokoyama et al.
+2021). It was picked after its result was known, so
+[decision 0051](../../decisions/0051-success-weighted-by-time.md) named, before they were trained, the runs that decide: the
+suites of version 1 for agents that see states, and seeds that had no row ([`by_time.csv`](by_time.csv)).
+
+{weighted}"""
 
 
 def figure(table: pd.DataFrame, suites: pd.DataFrame) -> Figure:

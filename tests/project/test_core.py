@@ -64,3 +64,19 @@ def test_a_core_is_confirmed_by_the_second_half_alone_and_not_before_all_of_its_
     assert "By other outcomes" not in partly
     assert "**On seeds 1 to 5 the chosen core does not rank these learners.** Nothing is confirmed" in partly
     assert f"of the {there} runs of seeds 6 to 10,\n{there - 1} are there" in partly and "five seeds" in partly
+
+
+@pytest.mark.parametrize("differ, verdict", [(0.1, "ranks"), (0.0, "does not rank")])
+def test_success_weighted_by_time_is_judged_when_all_runs_of_all_learners_are_there(differ, verdict):
+    rng = np.random.default_rng(0)
+    table = pd.DataFrame([
+        {"row": row, "suite": name, "seed": seed, core.WEIGHTED: differ * m + 0.01 * rng.normal()}
+        for m, row in enumerate([*core.LEARNERS, "other"]) for name in "abc" for seed in range(11, 16)
+    ])  # fmt: skip
+    page = core.weighted_by_time(table)
+    assert (
+        f"weighted by time {verdict} these learners:** of {len(core.LEARNERS)} learners, 3 suites\nand seeds 11" in page
+    )
+    best = [*core.LEARNERS.values()][-1]
+    assert (f"| {best} | 1 |" in page) == (differ > 0)
+    assert core.weighted_by_time(table.drop(index=3)) == "No verdict yet: 104 of 105 runs are there.\n"
