@@ -20,10 +20,10 @@ from segar.experiments.settings import RunFolderError
 from segar.suites import AXES, outline
 
 IDLE, RANDOM, PLANNER = REFERENCES
+# Success corrected for chance on drawn levels and on the frozen ones: 0 is that of random play, 1 the planner's; the steps on
+# drawn levels that both solved, over the planner's; and success weighted by time (Yokoyama et al. 2021): the mean over frozen
+# test levels of the planner's steps over the method's, at most 1, and of 0 where it fails.
 DRAWN, PRACTICE, TIME, WEIGHTED = "drawn", "practice", "time", "success_by_time"
-"""Success corrected for chance on drawn levels and on the frozen ones: 0 is that of random play, 1 the planner's; the steps on
-drawn levels that both solved, over the planner's; and success weighted by time (Yokoyama et al. 2021): the mean over frozen
-test levels of the planner's steps over the method's, at most 1, and of 0 where it fails."""
 ENDS = ("low", "high")
 OVERALL = "all"  # of the axes
 QUANTITIES = (DRAWN, PRACTICE, "practice_minus_drawn", TIME, WEIGHTED, "score", EFFECT)
