@@ -10,28 +10,28 @@ from segar.suites import CORE, suites
 from segar.support import ROWS
 
 ALL = "all"  # all suites that come with SEGAR
+# Frames of training on each suite with each seed; None: as many as ``scale.frames`` says.
 BUDGETS: Mapping[str, int | None] = {"laptop": 200_000, "server": 5_000_000, "open": None}
-"""Frames of training on each suite with each seed; None: as many as ``scale.frames`` says."""
+# Rows without training, which ``algorithm=`` may name, and what each of them does.
 PLAYERS: Mapping[str, str] = {
     "idle": "does nothing",
     "random": "acts uniformly at random",
     "script": "the scripted player of the task, which sees the true factors",
     "planner": "the best actions that a search in the simulator finds",
 }
-"""Rows without training, which ``algorithm=`` may name, and what each of them does."""
+# The rows that scores are made of: 0 is the better of the first two on each level, 1 is the third.
 REFERENCES = ("idle", "random", "planner")
-"""The rows that scores are made of: 0 is the better of the first two on each level, 1 is the third."""
+# Players that know more than a policy may: the true factors, or the simulator.
 PRIVILEGED = ("script", "planner")
-"""Players that know more than a policy may: the true factors, or the simulator."""
+# The version of the protocol by which levels are drawn from what a row is; rows of different ones do not compare.
 PROTOCOL = 2
-"""The version of the protocol by which levels are drawn from what a row is; rows of different ones do not compare."""
+# The folder of the rows that come with SEGAR.
 SHIPPED = ROWS
-"""The folder of the rows that come with SEGAR."""
+# How names of files of ONNX models end.
 ONNX = ".onnx"
-"""How names of files of ONNX models end."""
 SIDES = ("train", "test")
+# How names of sets of causal twins begin: where training and test differ in the group of factors, and where they do not.
 TWIN, CONTROL = "twin-", "control-"
-"""How names of sets of causal twins begin: where training and test differ in the group of factors, and where they do not."""
 
 
 def suites_named(names: Sequence[str]) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from segar.experiments.settings import (
     LevelCount,
     RunConfig,
     RunFolderError,
+    ScaleConfig,
     as_data,
     plain_name,
     require,
@@ -59,15 +60,18 @@ class BenchmarkConfig:
 
     def __post_init__(self) -> None:
         require_known("budget", self.budget, BUDGETS)
+        frames, given = BUDGETS[self.budget], self.run.scale.frames
+        wanted = f"{frames:,} with budget={self.budget}; with budget=open it says how many" if frames else ""
+        require(given in (frames or given, ScaleConfig().frames), "scale.frames", given, wanted)
         require(self.processes >= 0, "processes", self.processes, "0 or more")
         require(0 < self.policy_seconds <= 1e6, "policy_seconds", self.policy_seconds, "above 0, and at most 1e6")
         require(not self.salt or bool(self.verify), "salt", self.salt, "given beside verify=ROW")
         if self.player:
             require_known("algorithm", self.player, PLAYERS)
         for names in (("player", "policy", "actions"), ("verify", "again", "panel", "table")):
-            given = [name for name in names if getattr(self, name)]
+            named = [name for name in names if getattr(self, name)]
             one = f"one of {', '.join(names).replace('player', 'algorithm')}"
-            require(len(given) < 2, given[-1] if given else "", given, one)
+            require(len(named) < 2, named[-1] if named else "", named, one)
         is_foreign = bool(self.policy or self.actions)
         require(is_foreign or not self.privileged, "privileged", True, "given beside policy or actions")
         own = f"{self.player or 'another name'}: the rows of players have their names, and no others do"

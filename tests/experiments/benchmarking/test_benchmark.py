@@ -511,6 +511,10 @@ MINE = {"policy": "a:b", "row": "mine"}
         ({"verify": ("mine",), "again": ("mine",)}, r"again: .* one of verify, again, panel, table"),
         ({**MINE, "policy_seconds": float("inf")}, "policy_seconds: inf is not allowed"),
         ({"privileged": True}, "privileged: True is not allowed"),
+        (
+            {"run": RunConfig(scale=ScaleConfig(frames=9))},
+            "scale.frames: 9 is not allowed; .* 200,000 with budget=laptop",
+        ),
         ({"suites": ()}, "suite"),
         ({"suites": ("look-far-v1",)}, r"suite: \['look-far-v1'\] is not allowed; .* such as observation=rgb"),
     ],
