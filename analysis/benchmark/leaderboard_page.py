@@ -114,18 +114,22 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
     """Each row with drawn levels of all suites, by place and then by name, and which rows lack a suite."""
     overall = select(board, axis=OVERALL)
     lines_of = {(one["quantity"], one["row"]): one for one in overall.to_dict("records")}  # type: ignore[var-annotated]
-    found, last = places_of(without_privileged(rows, table), suites), (len(rows) + 1, 0)
+    unaided = without_privileged(rows, table)
+    found, last = places_of(unaided, suites), (len(rows) + 1, 0)
+    apart_by = {row: one["low"] for (quantity, row), one in lines_of.items() if quantity == "practice_minus_drawn"}
+    memorised = [row for row, low in apart_by.items() if low > 0]  # by whom practice levels say nothing
+    by_time = places_of(keep(unaided, ~unaided["row"].isin(memorised)), suites, WEIGHTED)
     lines = []
     for name in sorted(select(overall, quantity=DRAWN)["row"], key=lambda one: (found.get(one, last), one)):
         unknown: Mapping[str, Any] = dict.fromkeys(("estimate", "low", "high", "suites_low"), math.nan)
         quantities = (DRAWN, TIME, WEIGHTED, "practice_minus_drawn", "score")
         drawn, time, weighted, apart, score = (lines_of.get((one, name), unknown) for one in quantities)
-        shown = [interval(drawn), over_suites(drawn), interval(time), interval(weighted)]
+        shown = [interval(drawn), over_suites(drawn), interval(time), interval(weighted), place_text(by_time.get(name))]
         shown += [f"{number(apart['estimate'])} {over_suites(apart)}", number(score["estimate"]), str(drawn["seeds"])]
         lines.append(
             [named(rows[name]), place_text(found.get(name)), *shown, f"`{commitment_of_row(rows[name])[:16]}`"]
         )
-    head = ["row", "place", "success above chance", "over suites", "time", "success weighted by time"]
+    head = ["row", "place", "success above chance", "over suites", "time", "success weighted by time", "place by it"]
     head += ["practice minus drawn, over suites", "score", "seeds", "commitment"]
     # A bound of what the luckiest of these normal draws is above the mean: of success 0.5, on the levels of each suite.
     gain = (2 * math.log(TRIED)) ** 0.5 * (0.25 / (LEVELS * max(len(suites), 1))) ** 0.5

@@ -162,10 +162,11 @@ def leaderboard(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> pd.
     return pd.DataFrame(found, columns=columns)
 
 
-def places_of(table: pd.DataFrame, names: Sequence[str]) -> dict[str, tuple[int, int]]:
-    """The first and last place of each row by success on drawn levels, as of :func:`segar.analysis.stats.ranking.places`."""
-    part = complete(keep(table, table[DRAWN].notna()), names)
-    return places(part.pivot_table(DRAWN, "seed", "row")) if len(part) else {}
+def places_of(table: pd.DataFrame, names: Sequence[str], value: str = DRAWN) -> dict[str, tuple[int, int]]:
+    """The first and last place of each row with drawn levels, by success on them or by another of :data:`QUANTITIES`, as of
+    :func:`segar.analysis.stats.ranking.places`."""
+    part = complete(keep(table, table[[DRAWN, value]].notna().all(axis=1)), names)
+    return places(part.pivot_table(value, "seed", "row")) if len(part) else {}
 
 
 def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:

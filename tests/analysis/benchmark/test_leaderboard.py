@@ -285,19 +285,33 @@ def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tm
     assert re.search(r"\| `recorded` \| \d\.\d\d.* \| – \| 5 \|", table)
 
 
-def test_a_privileged_row_has_no_place_and_pushes_nobody_from_theirs():
-    """Planted: a row that plans in the simulator solves more than the two others, which are told apart."""
+def test_who_plans_or_has_memorised_practice_levels_has_no_place_there_and_pushes_nobody_from_theirs():
+    """Planted: of two rows that are told apart, one solves more, and the other is faster. A row that plans in the simulator is
+    better than both, and one that knows the practice levels is so on these."""
+    planted = {
+        "planning": (0.9, 0.9, 0.0),
+        "ahead": (0.6, 0.3, 0.0),
+        "behind": (0.3, 0.5, 0.0),
+        "knowing": (0.0, 0.8, 0.9),
+    }
     rows, lines = {}, []
-    for k, name in enumerate(("planning", "ahead", "behind")):
-        settings = {"privileged": True} if k == 0 else {}
+    for k, (name, (success, weighted, apart)) in enumerate(planted.items()):
+        settings = {"privileged": True} if name == "planning" else {}
         drawn = tuple(Drawn(CORE[0], seed, "", "", 1000, 900, 500, 1000, 1, 1, "") for seed in range(1, 6))
         rows[name] = Row(Method(name, "networks", "", settings=settings), (), Path(), "", drawn=drawn)
         for one in drawn:
             line = {"row": name, "axis": "place", "suite": one.suite, "suite_hash": "", "seed": one.seed}
-            lines.append({**line, DRAWN: 0.9 - 0.3 * k + 0.01 * (k + 1) * one.seed})
+            varies = 0.01 * (k + 1) * (one.seed - 3)
+            lines.append(
+                {**line, DRAWN: success + varies, WEIGHTED: weighted + varies, "practice_minus_drawn": apart + varies}
+            )
     table = pd.DataFrame(lines).reindex(columns=["row", "axis", "suite", "suite_hash", "seed", *QUANTITIES])
-    page = overall_table(rows, table, leaderboard(table, suites_compared(table)), CORE[:1])
-    assert "| `ahead` | 1 |" in page and "| `behind` | 2 |" in page and "| `planning` (privileged) | – |" in page
+    page = overall_table(rows, table, leaderboard(table, suites_compared(table)), CORE[:1]).splitlines()
+    cells = [[one.strip() for one in line.split("|")] for line in page if line.startswith("| ")]
+    at = [cells[0].index(one) for one in ("row", "place", "place by it")]
+    assert sorted([line[k] for k in at] for line in cells[2:]) == [
+        ["`ahead`", "1", "2"], ["`behind`", "2", "1"], ["`knowing`", "3", "–"], ["`planning` (privileged)", "–", "–"],
+    ]  # fmt: skip
 
 
 def test_a_row_says_that_code_of_its_own_sees_the_state_and_that_one_policy_stands_for_several_seeds():
