@@ -68,7 +68,7 @@ def write_parquet(path: Path, table: pa.Table, compression: str = "snappy") -> N
         RunFolderError: the file cannot be written.
     """
     floats = {one.name: "BYTE_STREAM_SPLIT" for one in table.schema if pa.types.is_floating(one.type)}
-    others = [name for name in table.column_names if name not in floats]
+    others: Any = [name for name in table.column_names if name not in floats]  # the stubs know no lists
     with replacing(path) as beside:
         pq.write_table(table, beside, compression=compression, use_dictionary=others, column_encoding=floats)
 
