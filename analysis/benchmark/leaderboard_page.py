@@ -116,8 +116,8 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
     lines_of = {(one["quantity"], one["row"]): one for one in overall.to_dict("records")}  # type: ignore[var-annotated]
     unaided = without_privileged(rows, table)
     found, last = places_of(unaided, suites), (len(rows) + 1, 0)
-    apart_by = {row: one["low"] for (quantity, row), one in lines_of.items() if quantity == "practice_minus_drawn"}
-    memorised = [row for row, low in apart_by.items() if low > 0]  # by whom practice levels say nothing
+    gained = select(overall, quantity="practice_minus_drawn")
+    memorised = [*keep(gained, gained["low"] > 0)["row"]]  # of whom practice levels say nothing
     by_time = places_of(keep(unaided, ~unaided["row"].isin(memorised)), suites, WEIGHTED)
     lines = []
     for name in sorted(select(overall, quantity=DRAWN)["row"], key=lambda one: (found.get(one, last), one)):

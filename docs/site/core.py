@@ -155,11 +155,11 @@ def weighted_by_time(runs: pd.DataFrame) -> str:
     if len(runs) < (whole := len(LEARNERS) * suites * seeds):
         return f"No verdict yet: {len(runs)} of {whole} runs are there.\n"
     found = agreement(runs, [*runs["suite"]], WEIGHTED)
-    needed = [[str(n), str(found.suites_needed(n) or f"more than {MOST_SUITES}")] for n in SEEDS]
     return WEIGHTED_TEXT.format(
         verdict=verdict(found), here=interval(vars(found.coefficient)), methods=found.methods, suites=suites,
         first=runs["seed"].min(), last=runs["seed"].max(), trusted=TRUSTED_COEFFICIENT,
-        rows=placed(runs, WEIGHTED, "success weighted by time"), needed=markdown(["seeds", "suites"], needed),
+        rows=placed(runs, WEIGHTED, "success weighted by time"),
+        needed=repetition_tables(runs.assign(**{DRAWN: runs[WEIGHTED]}), found)["needed"],
     )  # fmt: skip
 
 
