@@ -15,20 +15,12 @@ from .command_line import (
 from .compiled import PATIENCE as PATIENCE, cached as cached, keep_kernel as keep_kernel, patience as patience
 from .counter_kernel import (
     GOLDEN as GOLDEN,
-    SPACING as SPACING,
     keyed_uniform as keyed_uniform,
     mix as mix,
     normal as normal,
     uniform as uniform,
 )
-from .counter_rng import (
-    LOW_WORD as LOW_WORD,
-    SPARE_BITS as SPARE_BITS,
-    WORD as WORD,
-    LevelGenerator as LevelGenerator,
-    philox as philox,
-    stream_key as stream_key,
-)
+from .counter_rng import LevelGenerator as LevelGenerator, stream_key as stream_key
 from .estimates import Estimate as Estimate
 from .faces import lazy_face as lazy_face
 from .files import (

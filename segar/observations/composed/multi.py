@@ -18,7 +18,7 @@ from segar.observations import protocol
 from segar.observations.composed.composed import BoundComposed, Composed
 from segar.observations.protocol import Arrays, BoundObservation, Observation, ObservationLike, map_leaves
 from segar.observations.registry import OBSERVATIONS
-from segar.support import LOW_WORD, SPACING, SPARE_BITS, WORD, philox, stream_key
+from segar.support import LevelGenerator, stream_key
 
 
 def make_observation(observation: ObservationLike) -> Observation:
@@ -230,10 +230,10 @@ class OneOf(Composed):
             )
 
     @property
-    def edges(self) -> np.ndarray:
-        """Where on [0, 1) the range of each observation ends."""
+    def probabilities(self) -> np.ndarray:
+        """Of each observation, that it is drawn."""
         weights = self._weights()
-        return np.cumsum(weights / weights.sum())
+        return weights / weights.sum()
 
     def _weights(self) -> np.ndarray:
         """The weights, float64 ``[member]``."""
@@ -258,7 +258,7 @@ class BoundOneOf(BoundComposed):
                     f" {k}'s is {member.space}"
                 )
         self.draws_per_episode = one_of.per == "episode" or any(map(protocol.draws_per_episode, members))
-        self._edges, self._seed = one_of.edges[:-1], one_of.seed
+        self._probabilities, self._seed = one_of.probabilities, one_of.seed
         self._of_level = None
         if one_of.per == "level":
             origin = levels.provenance
@@ -292,8 +292,4 @@ class BoundOneOf(BoundComposed):
 
     def _draw(self, stream: int, counter: np.ndarray) -> np.ndarray:
         """Which member each counter draws, int64."""
-        counter = np.asarray(counter).astype(np.uint64)
-        zero = np.zeros_like(counter)
-        high, low, _, _ = philox((counter & LOW_WORD, counter >> WORD, zero, zero), stream)
-        uniform = (((high << WORD) | low) >> SPARE_BITS) * SPACING
-        return np.searchsorted(self._edges, uniform, side="right")
+        return LevelGenerator(stream, counter).choice(len(self.members), p=self._probabilities)
