@@ -66,7 +66,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     Args:
         levels: the level set.
         num_envs: number of environments.
-        observation: a name in :data:`segar.observations.registry.OBSERVATIONS` such as 'state', 'rgb' or 'textures', an
+        observation: a name in :data:`segar.observations.OBSERVATIONS` such as 'state', 'rgb' or 'textures', an
             :class:`segar.observations.protocol.Observation`, or a tuple or dict of these, which makes tuples or dicts
             of arrays.
         task: the task; the one that the levels name where it is None, and PuttPutt where they name none.

@@ -1,5 +1,12 @@
 from .composed.composed import recall_array as recall_array
-from .composed.multi import Joined, Multi, OneOf, make_observation as make_observation, trained_on as trained_on
+from .composed.multi import (
+    OBSERVATIONS as OBSERVATIONS,
+    Joined,
+    Multi,
+    OneOf,
+    make_observation as make_observation,
+    trained_on as trained_on,
+)
 from .composed.past import PreviousActions, PreviousStep
 from .composed.stack import Stack
 from .copying import copy_rows as copy_rows, copy_squares as copy_squares
@@ -22,7 +29,6 @@ from .protocol import (
     simulator_reads as simulator_reads,
     without_calls as without_calls,
 )
-from .registry import OBSERVATIONS as OBSERVATIONS
 from .shipped import SHIPPED as SHIPPED
 from .state.state_vector import AllObjects, AllState, AllTiles, ObjectState, StateVector, TileState
 

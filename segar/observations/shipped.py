@@ -4,13 +4,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from segar.observations.composed.multi import Joined
+from segar.observations.composed.multi import OBSERVATIONS, Joined
 from segar.observations.composed.past import PreviousStep
 from segar.observations.composed.stack import Stack
 from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.pixels.textured import TexturedPixels
 from segar.observations.protocol import Observation
-from segar.observations.registry import OBSERVATIONS
 from segar.observations.state.state_vector import StateVector
 
 

@@ -3,7 +3,7 @@ what stands for an observation: a name, a tuple, a dict."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
@@ -17,8 +17,10 @@ from segar.levels import Levels
 from segar.observations import protocol
 from segar.observations.composed.composed import BoundComposed, Composed
 from segar.observations.protocol import Arrays, BoundObservation, Observation, ObservationLike, map_leaves
-from segar.observations.registry import OBSERVATIONS
 from segar.support import LevelGenerator, stream_key
+
+OBSERVATIONS: dict[str, Callable[..., Observation]] = {}
+"""Name to what makes the observation from its options. Importing :mod:`segar.observations` adds those that come with SEGAR."""
 
 
 def make_observation(observation: ObservationLike) -> Observation:
