@@ -4,7 +4,7 @@ from .filter_clusters import (
     cluster_costs as cluster_costs,
     filter_textures,
 )
-from .inputs import NOISE_CLIP as NOISE_CLIP, is_noise as is_noise, name_of_input as name_of_input
+from .inputs import NOISE_CLIP as NOISE_CLIP, is_noise as is_noise
 from .layout_inputs import type_inputs as type_inputs
 from .standard import (
     INPUTS as INPUTS,
@@ -14,6 +14,6 @@ from .standard import (
     product_of_marginals as product_of_marginals,
     require_laws as require_laws,
 )
-from .texture_sets import TextureSet, shipped_sets as shipped_sets
+from .texture_sets import TextureSet, hidden_inputs as hidden_inputs, shipped_sets as shipped_sets
 
 __all__ = ["FilterBank", "TextureSet", "filter_textures", "linear_read_out"]

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from segar.errors import SegarError, did_you_mean
 from segar.language import Entity, Layout, holds
-from segar.textures.inputs import BACKGROUND, class_of_input, is_noise, name_of_input
-from segar.textures.texture_sets import TextureSet
+from segar.textures.inputs import BACKGROUND, class_of_input, is_noise
+from segar.textures.texture_sets import TextureSet, hidden_inputs
 
 
 @dataclass(frozen=True)
@@ -42,12 +41,7 @@ def type_inputs(textures: TextureSet, layout: Layout, hidden: Iterable[Any] = ()
     Raises:
         SegarError: something hidden is not an input, or an input is neither known here nor in the layout.
     """
-    concealed = {name_of_input(h) for h in hidden}
-    for name in sorted(concealed - set(textures.inputs)):
-        raise SegarError(
-            f"textures '{textures.name}' do not show '{name}', so it cannot be hidden."
-            f"{did_you_mean(name, textures.inputs)}"
-        )
+    concealed = hidden_inputs(textures, hidden)
     columns = np.full((len(layout.types), len(textures.inputs)), -1, np.int64)
     constants = np.zeros(columns.shape)
     noise = np.full(len(textures.inputs), -1, np.int64)

@@ -10,8 +10,8 @@ import numpy as np
 
 from segar.errors import SegarError, did_you_mean
 from segar.noise import DiscreteRangeNoise, Noise, UniformNoise
-from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise, name_of_input
-from segar.textures.texture_sets import TextureSet
+from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise
+from segar.textures.texture_sets import TextureSet, hidden_inputs
 
 Laws = Mapping[str, Noise]
 
@@ -121,9 +121,7 @@ def linear_read_out(
         )
     values = product_of_marginals(textures.inputs, samples, rng, laws)
     features = textures.features(values)
-    for name in map(name_of_input, hidden):
-        if name not in textures.inputs:
-            raise SegarError(f"'{name}' is no input of {textures!r}.{did_you_mean(name, textures.inputs)}")
+    for name in hidden_inputs(textures, hidden):
         features[:, textures.inputs.index(name)] = 0.0
     pixels = textures.patches(features, model).reshape(samples, -1) / 255.0
     shown = np.concatenate([pixels, np.ones((samples, 1))], axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -177,6 +177,17 @@ class TextureSet:
         arrays, description = FORMAT.read(path, lambda description: ARRAYS)
         with naming(path):
             return cls(**arrays, **{name: description[name] for name in DESCRIPTION})
+
+
+def hidden_inputs(textures: TextureSet, hidden: Iterable[Any]) -> set[str]:
+    """The names of inputs that are hidden, given as classes or names; raises :class:`SegarError` for what is no input."""
+    names = {name_of_input(thing) for thing in hidden}
+    for name in sorted(names - set(textures.inputs)):
+        raise SegarError(
+            f"textures '{textures.name}' do not show '{name}', so it cannot be hidden."
+            f"{did_you_mean(name, textures.inputs)}"
+        )
+    return names
 
 
 def shipped_sets() -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from segar.engine import Call, Given, Rows, Scratch, call_of
-from segar.errors import SegarError, did_you_mean, must_be
+from segar.errors import SegarError, must_be
 from segar.language import Factor, Floor
 from segar.levels import Levels
 from segar.observations.composed.composed import recall_array
@@ -19,7 +19,7 @@ from segar.observations.copying import KERNEL_OPTIONS
 from segar.observations.pixels.drawing import LUMA, Channels, Drawing, canvas_for, check_frame, frame_space
 from segar.observations.pixels.solid_colours import OUTLINES
 from segar.support import GOLDEN, cached, mathematics, mix, normal, stream_key, uniform
-from segar.textures import NOISE_CLIP, TextureSet, name_of_input, type_inputs
+from segar.textures import NOISE_CLIP, TextureSet, hidden_inputs, type_inputs
 
 REDRAWN = ("episode", "level", "never")
 
@@ -65,12 +65,7 @@ class TexturedPixels:
             if value not in known:
                 raise SegarError(f"TexturedPixels: {option} {must_be(value, known)}")
         object.__setattr__(self, "hidden", tuple(self.hidden))
-        textures = self.texture_set
-        for strange in sorted({name_of_input(h) for h in self.hidden} - set(textures.inputs)):
-            raise SegarError(
-                f"TexturedPixels: textures '{textures.name}' do not show '{strange}', so it cannot be hidden."
-                f"{did_you_mean(strange, textures.inputs)}"
-            )
+        hidden_inputs(self.texture_set, self.hidden)
 
     @property
     def texture_set(self) -> TextureSet:
@@ -79,7 +74,7 @@ class TexturedPixels:
 
     def shows(self, factor: type[Factor]) -> bool:
         """Whether frames may depend on the factor: on what decides outlines, or on an input that is not hidden."""
-        shown = set(self.texture_set.inputs) - {name_of_input(h) for h in self.hidden}
+        shown = set(self.texture_set.inputs) - hidden_inputs(self.texture_set, self.hidden)
         return issubclass(factor, OUTLINES) or any(parent.__name__ in shown for parent in factor.__mro__)
 
     def in_planes(self) -> TexturedPixels:
