@@ -2,7 +2,8 @@
 
 import inspect
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,6 @@ import numpy as np
 from segar.errors import ActionError, LevelError, SegarError, UnknownOptionError, did_you_mean
 from segar.support import is_whole
 
-MOST_THREADS = 1024
-MOST_ENVIRONMENTS = 10_000_000
 SEEDS = 2**64
 
 
@@ -52,6 +51,15 @@ def array_of(what: str, given: Any, dtype: Any, num_envs: int) -> np.ndarray | N
     if array.shape != (num_envs,) or array.dtype.kind not in kinds or isinstance(given, np.ma.MaskedArray):
         raise LevelError(f"{right} {array.dtype} of shape {array.shape}: {shown(given)}")
     return array.astype(dtype)
+
+
+def options_of(options: Any, known: Sequence[str]) -> dict[str, Any]:
+    """The options of a reset; raises :class:`SegarError` unless they are a mapping of what is known."""
+    instance("reset: options", options, (Mapping, NoneType), f"a mapping such as {{'{known[0]}': ...}}, or None")
+    for name in options or ():
+        if name not in known:
+            raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(str(name), known)}")
+    return dict(options or {})
 
 
 def known_options(kind: type) -> set[str]:

@@ -1,16 +1,13 @@
 """One environment with Gymnasium's interface: the batched core with a batch of one."""
 
-from collections.abc import Mapping
-from types import NoneType
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from segar.envs.checks import actions_of, instance, known_options, require_known, seed_of, whole_number
+from segar.envs.checks import actions_of, known_options, options_of, require_known, seed_of, whole_number
 from segar.envs.vector import VectorEnv
-from segar.errors import SegarError, did_you_mean
 from segar.language import Factors, Task
 from segar.levels import Levels
 from segar.observations import map_leaves
@@ -75,14 +72,9 @@ class Env(gymnasium.Env):
         The options of a recorded episode start it again: ``level``, ``seed`` (unless one is given), ``environment``, the place
         in the batch that recorded it, and ``trial``.
         """
-        instance("reset: options", options, (Mapping, NoneType), "a mapping such as {'level': 3}, or None")
-        options = dict(options or {})
-        level, place, trial = options.pop("level", None), options.pop("environment", 0), options.pop("trial", 0)
-        seed = options.pop("seed", None) if seed is None else seed
-        if options:
-            name = next(iter(options))
-            known = ["level", "seed", "environment", "trial"]
-            raise SegarError(f"reset: unknown option '{name}'.{did_you_mean(str(name), known)}")
+        given = options_of(options, ("level", "seed", "environment", "trial"))
+        level, place, trial = given.get("level"), given.get("environment", 0), given.get("trial", 0)
+        seed = given.get("seed") if seed is None else seed
         super().reset(seed=None if seed is None else seed_of(seed))
         trial = whole_number("reset: option 'trial'", trial, 0, self._batch.trials - 1)
         batch_options = {"environment": place}

@@ -1,6 +1,5 @@
 """The core environment: a batch of episodes on the levels of a set, stepped by one compiled kernel."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from types import NoneType
@@ -13,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from segar.engine import Simulator
 from segar.envs.action_range import ActionRange
-from segar.envs.checks import MOST_ENVIRONMENTS, MOST_THREADS, array_of, instance, seed_of, shown, whole_number
+from segar.envs.checks import array_of, instance, options_of, seed_of, shown, whole_number
 from segar.envs.host_episodes import HostEpisodes
 from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import MOST_TRIALS, Snapshot
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
 
 Episodes: TypeAlias = "HostEpisodes | DeviceEpisodes"
 """Where episodes run, chosen once; both have the same face."""
+MOST_ENVIRONMENTS, MOST_THREADS = 10_000_000, 1024
 PARAMETERS = "parameters"  # what an intervention names in place of an entity to set a world parameter
 KEPT_IN_PICKLES = (
     *("observation_space", "single_observation_space", "action_space", "single_action_space"),  # and their generators
@@ -221,15 +221,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Raises:
             LevelError: a level index is out of range, or an option is unknown or of the wrong shape.
         """
-        instance("reset: options", options, (Mapping, NoneType), "a mapping such as {'levels': [...]}, or None")
-        options = dict(options or {})
-        mask = self._episodes.mask_of(options.pop("reset_mask", None))
-        chosen = array_of("reset: option 'levels'", options.pop("levels", None), np.int64, self.num_envs)
-        place = whole_number("reset: option 'environment'", options.pop("environment", 0), 0, MOST_ENVIRONMENTS)
-        if options:
-            name = next(iter(options))
-            known = ("levels", "reset_mask", "environment")
-            raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(str(name), known)}")
+        given = options_of(options, ("levels", "reset_mask", "environment"))
+        mask = self._episodes.mask_of(given.get("reset_mask"))
+        chosen = array_of("reset: option 'levels'", given.get("levels"), np.int64, self.num_envs)
+        place = whole_number("reset: option 'environment'", given.get("environment", 0), 0, MOST_ENVIRONMENTS)
         if chosen is not None:
             self._require_levels(chosen)
         self.require_open("reset", started=False)
