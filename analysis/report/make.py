@@ -8,22 +8,31 @@ into ``report.pdf``, too, where Chromium is installed. ``only=[figure_3a]`` draw
 
 import shlex
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from segar.analysis.report.claims import verdicts
-from segar.analysis.report.claims.claim import CLAIMS, Claim
-from segar.analysis.report.claims.evidence import GIVEN
-from segar.analysis.report.document.blocks import Picture
+from segar.analysis.report.claims.claim import CLAIMS, METRIC_2022, METRIC_OURS, Claim, claims_table
+from segar.analysis.report.claims.evidence import GIVEN, Evidence
+from segar.analysis.report.claims.reading import read_claims
+from segar.analysis.report.document import sections
+from segar.analysis.report.document.blocks import Document, Picture
 from segar.analysis.report.document.files import PAGE, SUFFIXES, write_document, write_picture
-from segar.analysis.report.document.tables import STATISTICS
+from segar.analysis.report.document.tables import STATISTICS, statistics
+from segar.analysis.report.figures import FIGURES
+from segar.analysis.report.figures.drawing import Drawn
+from segar.analysis.report.results import read_results
 from segar.analysis.report.serve import serve_report
-from segar.analysis.report.study.reading import is_study
-from segar.analysis.report.subject import Subject, paper, study
+from segar.analysis.report.study import document, figures
+from segar.analysis.report.study.claims import TESTED, WORDS, claim_or_reason
+from segar.analysis.report.study.reading import is_study, read_study
 from segar.analysis.tables import write_csv
 from segar.experiments.commands.command_line import run_from_command_line
 from segar.experiments.reproduction.experiment_file import PLAN, SCALES
@@ -34,6 +43,7 @@ from segar.experiments.tracking.mlflow_store import replace_run
 from segar.support import RESULTS, WORKSPACE, counted
 
 SHIPPED = RESULTS
+PAPERS = ("of", "settings", "runs", "where", "follows")  # columns of claims that only the paper's report fills
 
 
 @dataclass(frozen=True)
@@ -63,6 +73,26 @@ class ReportConfig:
         """The folder as commands in the report name it: from the checkout if it is there."""
         folder = self.folder
         return str(folder.relative_to(WORKSPACE) if folder.is_relative_to(WORKSPACE) else folder)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The parts of a report, each of which is made when it is asked for."""
+
+    evidence: Evidence
+    figures: Mapping[str, Callable[[], Drawn]]  # by name; each may raise NoFigure
+    claims: Callable[[], list[Claim]]
+    document: Callable[[list[Claim], Mapping[str, Picture | str]], Document]
+    statistics: Callable[[], Mapping[str, pd.DataFrame]] = dict  # by the names of their CSV files
+    claims_table: Callable[[list[Claim]], pd.DataFrame] = claims_table
+    readings: Sequence[str] = (METRIC_2022, METRIC_OURS)  # in which claims are tested, as findings name them
+    words: Mapping[str, str] = field(default_factory=dict)  # for verdicts, where others are better
+
+    def sentence(self, claim: Claim) -> str:
+        """What became of a claim, or what it takes to test it."""
+        read = filter(None, (claim.verdict(reading) for reading in self.readings))
+        said = f"{claim.name}: {', '.join(self.words.get(one, one) for one in read)}: {claim.statement}"
+        return f"{said} It needs {claim.needs}." if claim.needs else said
 
 
 @dataclass(frozen=True)
@@ -162,6 +192,40 @@ def headline_numbers(report: Report) -> dict[str, float]:
             if np.isfinite(found.estimate):
                 numbers |= {f"{mode}/{test}/pearson": found.estimate, f"{mode}/{test}/pearson_p": found.p}
     return numbers
+
+
+def paper(folder: Path) -> Subject:
+    """The paper's experiments, whose tables are in a folder; raises :class:`RunFolderError`."""
+    evidence = Evidence(read_results(folder))
+    return Subject(
+        evidence,
+        {name: partial(draw, evidence) for name, draw in FIGURES.items()},
+        claims=lambda: read_claims(evidence),
+        statistics=lambda: statistics(evidence),
+        document=lambda claims, drawn: sections.document(evidence, claims, drawn),
+    )
+
+
+def study(folder: Path) -> Subject:
+    """The study whose tables are in a folder; raises :class:`RunFolderError`, also where somebody else's study names code of
+    its own. A claim that cannot be tested is in the report with the reason."""
+    asked = read_study(folder)
+    return Subject(
+        asked.evidence,
+        {name: partial(draw, asked) for name, draw in figures.FIGURES.items()},
+        claims=lambda: [claim_or_reason(asked, name, one) for name, one in asked.asked.get("claims", {}).items()],
+        claims_table=tested_claims,
+        document=lambda claims, drawn: document.document(asked, claims, drawn),
+        readings=(TESTED,),
+        words=WORDS,
+    )
+
+
+def tested_claims(claims: list[Claim]) -> pd.DataFrame:
+    """``claims.csv`` of a study: one row per test."""
+    table = claims_table(claims)
+    table = table.drop(columns=[one for one in table if one.startswith("of_claim") or one in PAPERS])
+    return table.replace({"verdict": WORDS})
 
 
 def main() -> None:

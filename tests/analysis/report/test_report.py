@@ -114,7 +114,7 @@ PRINTS = 'for one; do case $one in --print-to-pdf=*) echo "%PDF- of $page" > "${
 def test_a_browser_prints_the_page(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", fake_browser(tmp_path / "bin", PRINTS))
     folder = write_results(tmp_path / "quick-1234", {"runs": few_runs()})
-    monkeypatch.setattr("segar.analysis.report.subject.FIGURES", dict.fromkeys(FIGURES, undrawable))
+    monkeypatch.setattr("segar.analysis.report.make.FIGURES", dict.fromkeys(FIGURES, undrawable))
     made = make_report(ReportConfig(str(folder), pdf=True))
     assert folder / "report.pdf" in made.files
     assert (folder / "report.pdf").read_text().startswith("%PDF-")
