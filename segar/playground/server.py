@@ -1,28 +1,32 @@
-"""The server of a studio: its page and its answers, for the browser of the person who started it and for nobody else.
+"""Servers on the loopback address: of a studio, and of pages that are made when somebody asks for them.
 
-It listens on the loopback address. Its address holds a random token, without which there is nothing. Requests whose Host
-is another name are refused, because a name of somebody else's may lead to the loopback address; and so are questions that
-another page asks. It serves no file.
+A studio is for the browser of the person who started it and for nobody else. Its address holds a random token, without which
+there is nothing. Requests whose Host is another name are refused, because a name of somebody else's may lead to the loopback
+address; and so are questions that another page asks. It serves no file.
 """
 
 import asyncio
 import secrets
 import socket
 import time
+from collections.abc import Callable
 from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
 from segar.errors import SegarError
-from segar.playground.on_demand import HOST
 from segar.playground.studio import FORMS, Studio
 from segar.playground.worker import LOOK, Worker
 from segar.support import from_json
 
+HOST = "127.0.0.1"
 MOST_BYTES = 1_000_000  # of a question
 MOST_MEMORY = 2 * 2**30  # [bytes] of all answers, beyond what the studio takes at its start
 MOST_CONNECTIONS = 64  # at once
@@ -36,6 +40,32 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
 }
 """Of all answers: nothing is kept, shown in a frame, or read by other pages."""
+
+
+def serve_pages(home: str, place: str, made: Callable[[str], str], port: int = 0) -> None:
+    """Serves pages until Ctrl-C, and prints the address.
+
+    Args:
+        home: HTML.
+        place: begins the addresses of other pages, such as ``play/``.
+        made: the HTML of the page whose address goes on with this name; what is wrong with it is a :class:`SegarError`.
+        port: 0: a free one.
+    """
+
+    async def first(request: Request) -> Response:
+        return HTMLResponse(home)
+
+    async def other(request: Request) -> Response:
+        try:
+            return HTMLResponse(await run_in_threadpool(made, request.path_params["name"]))
+        except SegarError as error:
+            return PlainTextResponse(str(error), 404)
+
+    app = Starlette(
+        routes=[Route("/", first), Route(f"/{place}{{name}}", other)],
+        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])],
+    )
+    uvicorn.run(app, host=HOST, port=port, log_level="info", access_log=False)
 
 
 class StudioServer:

@@ -35,7 +35,6 @@ PLACES_WITH_AN_EXTRA = {
     "segar/policies/onnx_policy.py": "onnx",
     "segar/support/yaml_text.py": "train",
     "segar/support/parquet.py": "train",
-    "segar/playground/on_demand.py": "studio",
     "segar/playground/server.py": "studio",
 }
 
