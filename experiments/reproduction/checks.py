@@ -19,11 +19,10 @@ from segar.experiments.reproduction.experiment_file import (
 )
 from segar.experiments.reproduction.grid import (
     AGENT_SEED,
-    NUMBERS_OF_LEVELS,
     compares_panels,
     kind_columns,
+    pair_columns,
     run_columns,
-    to_be_equal,
     varied_columns,
 )
 from segar.experiments.runs.run_folder import RESULTS
@@ -182,7 +181,7 @@ def untestable_claims(experiment: Experiment, works: Sequence[RunTask]) -> Itera
 
 def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]]) -> list[Mapping[str, str]]:
     """The runs, of these with these columns, that a claim about two values of a column compares with a run that differs in it
-    alone, as :func:`segar.analysis.report.study.claims.differences` pairs them; none where only results say the column.
+    alone, as the report pairs them; none where only results say the column.
 
     Raises:
         ConfigError: no two runs differ in it alone.
@@ -197,9 +196,8 @@ def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]
     shared = [
         name for name in ("family", "difficulty") if {one[name] for one in parts[0]} & {one[name] for one in parts[1]}
     ]
-    size = [] if by in NUMBERS_OF_LEVELS else ["n"]
-    kinds = to_be_equal(dict.fromkeys([*kind_columns(runs[0]), *(name for name in runs[0] if "." in name)]), by)
-    at = [name for name in (*shared, *size, "seed", AGENT_SEED, *kinds) if name != by]
+    kinds = dict.fromkeys([*kind_columns(runs[0]), *(name for name in runs[0] if "." in name)])
+    at = pair_columns(by, shared, "seed", kinds)
     places = {tuple(run[name] for name in at) for run in parts[1]}
     if not (compared := [run for run in parts[0] if tuple(run[name] for name in at) in places]):
         raise ConfigError(

@@ -130,10 +130,18 @@ def varied_columns(config: RunConfig, varied: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def to_be_equal(names: Iterable[str], by: str) -> list[str]:
-    """Of columns that tell kinds of agents apart, those in which two runs are equal that differ in the column ``by`` alone: not
-    itself, nor what it contains, such as ``observation.options.gain`` where whole observations are compared."""
-    return [one for one in names if by != "agent" and one != by and not one.startswith(f"{by}.")]
+def pair_columns(by: str, panels: Iterable[str], levels: str, kinds: Iterable[str]) -> list[str]:
+    """The columns in which two runs are equal that differ in the column ``by`` alone: not itself, nor what it contains, such as
+    ``observation.options.gain`` where whole observations are compared.
+
+    Args:
+        panels: the columns of the panel that runs with either value share.
+        levels: the column that tells level sets apart.
+        kinds: columns that tell kinds of agents apart.
+    """
+    size = [] if by in NUMBERS_OF_LEVELS else ["n"]
+    apart = [one for one in kinds if by != "agent" and not one.startswith(f"{by}.")]
+    return [one for one in (*panels, *size, levels, AGENT_SEED, *apart) if one != by]
 
 
 def kind_columns(known: Collection[str]) -> list[str]:

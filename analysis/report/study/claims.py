@@ -18,7 +18,7 @@ from segar.analysis.stats.estimate import Estimate
 from segar.analysis.tables import column, keep
 from segar.errors import SegarError, naming
 from segar.experiments.reproduction.experiment_file import OF_TASK, SIGNS, ClaimConfig, claim_config
-from segar.experiments.reproduction.grid import AGENT_SEED, LEVEL_SEED, NUMBERS_OF_LEVELS, to_be_equal
+from segar.experiments.reproduction.grid import LEVEL_SEED, pair_columns
 from segar.experiments.settings import ConfigError, import_object
 
 TESTED = "tested"  # how these claims are read: in one way
@@ -89,8 +89,7 @@ def shared_columns(study: Study, rows: pd.DataFrame, by: str, values: Sequence[s
     panels = [name for name in PANEL if set(parts[0][name]) & set(parts[1][name])]  # none where panels are compared
     # Several seeds may have given one level set.
     levels = LEVEL_SEED if np.any(column(rows, LEVEL_SEED) != column(rows, "seed")) else "seed"
-    size = [] if by in NUMBERS_OF_LEVELS else ["n"]
-    return [one for one in (*panels, *size, levels, AGENT_SEED) if one != by] + to_be_equal(study.told_apart, by)
+    return pair_columns(by, panels, levels, study.told_apart)
 
 
 def own_estimate(test: str, rows: pd.DataFrame) -> Estimate:
