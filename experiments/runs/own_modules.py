@@ -18,6 +18,7 @@ OURS = "segar"
 OUR_FOLDERS = tuple((Path(segar.__file__).parent / name).resolve() for name in ("", "experiments", "analysis"))
 # Where a learner's own code ends: what these rooms do decides no weight.
 LEARNING = tuple(f"segar.experiments.{room}" for room in ("algorithms", "collection", "curricula", "networks"))
+PROBES = "segar.analysis.probes"
 MODULE_PATH = "module_path"
 NO_CODE = ("tracking", "root", "folder", MODULE_PATH)  # settings that name nothing which is imported
 
@@ -127,7 +128,7 @@ def modules_reached(module: str) -> dict[str, Path]:
     """Name and file of ``module`` and of what it imports of its own package, of ``segar``, and of code that is not installed,
     such as modules that lie beside it; nothing is imported here.
 
-    Of ``segar``, only what learns counts.
+    Of ``segar``, only what learns or probes counts.
     """
     found: dict[str, Path] = {}
     waiting = [module]
@@ -143,7 +144,7 @@ def modules_reached(module: str) -> dict[str, Path]:
 def source_reached(module: str, package: str) -> Path | None:
     """The file of a module that a module of ``package`` imports; None where it does not count: see :func:`modules_reached`."""
     top = module.partition(".")[0]
-    if top in sys.stdlib_module_names or (top == OURS and not module.startswith(LEARNING)):
+    if top in sys.stdlib_module_names or (top == OURS and not module.startswith((*LEARNING, PROBES))):
         return None
     path = source_of(module)
     return None if path is None or (top not in (package, OURS) and is_installed(path)) else path

@@ -22,6 +22,7 @@ from segar.experiments.reproduce import ReproduceConfig, carry_out
 from segar.experiments.reproduction.experiment_file import experiment_at
 from segar.experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from segar.experiments.runs.executed_code import fingerprint
+from segar.experiments.runs.own_modules import modules_reached
 from segar.experiments.runs.run_folder import PROBES, folder_path, read_metrics
 from segar.experiments.settings import ConfigError, RunFolderError, TrackingConfig, TrackingError, construct
 from segar.experiments.tracking.mlflow_store import open_store
@@ -151,6 +152,7 @@ def test_the_fingerprint_of_probes_is_that_of_the_plug_ins_module(monkeypatch):
     monkeypatch.setattr(plugin, "entry_points", lambda **of: EntryPoints([table]).select(**of))
     probing.find_probes.cache_clear()
     assert probing.code_of_probes() == fingerprint("segar.analysis.probes.table")
+    assert {"segar.analysis.probes.table", "segar.analysis.probes.readouts"} <= {*modules_reached(table.module)}
     assert probing.find_probes().load() is probe_run
 
 
