@@ -9,18 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from segar import Acceleration, Charge, Factor, Friction, Magnetism, Mass, Mobile, Position, Size, Velocity
+from segar import Acceleration, Action, Charge, Factor, Friction, Magnetism, Mass, Mobile, Position, Velocity, World
 from segar.engine.simulator import Simulator, State
-from segar.language.effects import Differential
-from segar.language.entities import Entity, GlobalFriction, Hole, Object, Tile
-from segar.language.factors import Alive, Done, Heat, InfiniteEnergy, Order, StoredEnergy, Visible
-from segar.language.layout import Layout, Slot
-from segar.language.shapes import CIRCLE, HULL
-from segar.language.signature import Action
-from segar.language.task import Task
-from segar.levels.level_data import Provenance
-from segar.levels.level_set import Levels
-from segar.rules.world import World
+from segar.language import CIRCLE, HULL, Differential, Entity, GlobalFriction, Hole, Layout, Object, Slot, Task, Tile
+from segar.language.factors import Alive, Done, Heat, InfiniteEnergy, Order, Size, StoredEnergy, Visible
+from segar.levels import Levels, Provenance
 from tests.places import ROOT
 from tests.segar.engine.worlds import compiled
 

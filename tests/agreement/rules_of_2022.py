@@ -6,15 +6,9 @@ sections 6 to 8.
 
 from typing import Tuple  # as the paper writes rules
 
-from segar import Acceleration, Charge, Friction, Magnetism, Mass, Mobile, Position, Velocity
-from segar.language.effects import Aggregate, SetFactor
-from segar.language.factors import Collides, Heat, InfiniteEnergy, StoredEnergy
-from segar.language.parameters import Gravity
-from segar.language.relations import is_on
-from segar.language.rule_definition import rule
-from segar.language.values import ZERO, where
-from segar.rules import accelerate, consume, kill_condition, move, stop_condition
-from segar.rules.world import World
+from segar import Acceleration, Aggregate, Charge, Friction, Gravity, Magnetism, Mobile, Position, SetFactor, Velocity
+from segar.language import ZERO, Collides, Heat, InfiniteEnergy, Mass, StoredEnergy, is_on, rule, where
+from segar.rules import World, accelerate, consume, kill_condition, move, stop_condition
 
 IMMOVABLE_MASS = 1e8  # [kg]
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from segar.language.factors import Velocity
-from segar.reference.interpreter import Interpreter
+from segar import Interpreter, Velocity
 from tests.agreement.replay import LAYOUT, folder, levels_of, push, recordings
 from tests.agreement.rules_of_2022 import world_in
 

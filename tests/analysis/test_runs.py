@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 import segar
+from segar import Levels, SegarError
 from segar.analysis.distances import count_pairs, in_one_unit, own_levels
 from segar.analysis.gap_plot import correlation, draw, gap_plot
 from segar.analysis.runs import (
@@ -22,12 +23,10 @@ from segar.analysis.runs import (
 )
 from segar.analysis.stats.estimate import mean_of_replicates
 from segar.analysis.tables import read_frame
-from segar.errors import SegarError
 from segar.experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, VERSIONS, read_versions, write_json
 from segar.experiments.runs.run_rows import as_columns, code_warning, run_rows
 from segar.experiments.settings import LevelsConfig, RunFolderError
 from segar.experiments.settings.own_code import file_fingerprint
-from segar.levels import Levels
 from segar.metrics import spread, w2
 from tests.synthetic_runs import settings, write_run
 

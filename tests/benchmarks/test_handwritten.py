@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.handwritten import Table
+from segar import Levels, World, family
 from segar.engine.simulator import Simulator, State, StepResult
-from segar.levels.level_set import Levels
-from segar.levels.named_families import family
-from segar.rules.world import World
 from tests.segar.engine.worlds import random_states, start
 
 SAME = 1e-9

@@ -8,14 +8,9 @@ import pytest
 
 from benchmarks.soak import Tally, play, soak
 from benchmarks.soak_worlds import Case
+from segar import DEFAULT_RULES, ConflictError, Levels, World, move
 from segar.engine.simulator import State
-from segar.errors import ConflictError
-from segar.language.effects import SetFactor
-from segar.language.entities import Ball, GoalTile, GolfBall
-from segar.language.factors import Charge, Mass, Mobile, Position, Velocity
-from segar.levels.level_set import Levels
-from segar.rules import DEFAULT_RULES, move
-from segar.rules.world import World
+from segar.language import Ball, Charge, GoalTile, GolfBall, Mass, Mobile, Position, SetFactor, Velocity
 from tests.segar.engine.worlds import read, uncompiled
 
 LEVELS = Levels.from_entities([

@@ -7,11 +7,10 @@ import pandas as pd
 import pytest
 
 import segar
-from segar import Mass, Position, Size
 from segar.analysis.stats.attribution import full_factorial, shapley_of_pairs
 from segar.errors import LevelError, SegarError
 from segar.hardness import make_situations
-from segar.language.parameters import FloorFriction, Gravity
+from segar.language import FloorFriction, Gravity, Mass, Position, Size
 from segar.levels import REST, mixed_levels, shared_rule_sets
 from segar.metrics import rule_set_distances
 from segar.rules import DEFAULT_RULES, World, apply_friction, record_drag

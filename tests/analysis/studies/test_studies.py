@@ -6,12 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from segar import GoalTile, GolfBall, Position, Velocity, family
 from segar.analysis.studies.baselines import players
 from segar.analysis.studies.hardness import hardness_with
 from segar.analysis.studies.training_sets import SEARCH_SEED, controllable, measures
 from segar.hardness import plan
-from segar.language import GoalTile, GolfBall, Position, Velocity
-from segar.levels import family
 
 
 @pytest.fixture(scope="module")

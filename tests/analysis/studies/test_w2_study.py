@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from segar import GolfBall, Position, family
 from segar.analysis.studies.w2 import COUNTS, IN_MODELS, MEANS_OF_2022, dealt, distances, means_of, models_of
-from segar.language import GolfBall, Position
-from segar.levels import family
 from segar.metrics import w2
 
 IN_DISTRIBUTION = [pair for pair in MEANS_OF_2022 if pair[0] == pair[1]]

@@ -9,8 +9,8 @@ import torch
 from segar import family
 from segar.experiments.algorithms.drac import AUGMENTATIONS, DrAC, UpperConfidenceBound, changes_under
 from segar.experiments.algorithms.ppo import PPO
-from segar.experiments.settings import DrACConfig, PPOConfig
 from segar.experiments.settings.algorithms import AUGMENTATIONS as NAMES
+from segar.experiments.settings.algorithms import DrACConfig, PPOConfig
 
 LEVELS = family("objectsx1-easy").sample(5, seed=0)
 SMALL = {

@@ -7,9 +7,8 @@ import pytest
 import torch
 from torch import nn
 
-from segar.experiments.algorithms.learner import learner_class
+from segar.experiments.algorithms import PPOPolicy, learner_class
 from segar.experiments.algorithms.portable import PortableAgent, network_of
-from segar.experiments.algorithms.ppo import PPOPolicy
 from segar.experiments.networks.encoders import FrameEncoder, initialize
 from segar.experiments.settings import KINDS, ConfigError
 from segar.experiments.settings.algorithms import CNNS

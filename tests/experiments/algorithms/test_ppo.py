@@ -8,7 +8,7 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from segar import family
+from segar import family, puttputt
 from segar.envs import VectorEnv
 from segar.experiments.algorithms.ppo import PPO
 from segar.experiments.collection.collector import Rollout
@@ -17,7 +17,6 @@ from segar.experiments.networks.encoders import MLP, FrameEncoder
 from segar.experiments.networks.policies import SquashedNormal
 from segar.experiments.settings import ConfigError, PPOConfig, ScaleConfig
 from segar.experiments.training.run import run
-from segar.tasks.puttputt_task import puttputt
 from tests.experiments.short_runs import short_run
 
 SMALL = PPOConfig(num_envs=6, num_steps=16, widths=(16,), head_width=0)

@@ -7,10 +7,9 @@ import torch
 from tensordict import TensorDict
 from torchrl.modules import set_recurrent_mode
 
-from segar import family
+from segar import family, puttputt
 from segar.experiments.algorithms.recurrent_ppo import RecurrentPPO
 from segar.experiments.settings import RecurrentPPOConfig
-from segar.tasks.puttputt_task import puttputt
 
 SMALL = RecurrentPPOConfig(num_envs=8, num_steps=12, widths=(16,), core_width=8, head_width=0, minibatches=2)
 LEVELS = family("empty-easy").sample(5, seed=0)

@@ -7,12 +7,11 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from segar import family
+from segar import family, puttputt
 from segar.envs.vector import VectorEnv
 from segar.experiments.algorithms.drq import DrQ
 from segar.experiments.algorithms.sac import SAC
 from segar.experiments.settings import DrQConfig, SACConfig
-from segar.tasks.puttputt_task import puttputt
 
 LEVELS = family("empty-easy").sample(5, seed=0)
 SMALL = SACConfig(num_envs=3, num_steps=10, warmup=12, batch_size=8, capacity=200, widths=(16, 8), gamma=0.9)

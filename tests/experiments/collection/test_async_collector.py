@@ -7,8 +7,7 @@ import torch
 
 from segar import family
 from segar.errors import ActionError
-from segar.experiments.algorithms.learner import learner_class
-from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.algorithms import PPO, learner_class
 from segar.experiments.settings import KINDS
 from segar.experiments.training.run import run
 from tests.experiments.conftest import Here

@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from segar import family
-from segar.experiments.algorithms.learner import learner_class
-from segar.experiments.algorithms.ppo import PPO
+from segar.experiments.algorithms import PPO, learner_class
 from segar.experiments.collection.collector import DeviceCollector
 from segar.experiments.settings import KINDS, ConfigError
 from segar.observations import Pixels, Stack

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from segar.envs import VectorEnv
+from segar.experiments.curricula import Explorer, LevelRows, ScoredRows
 from segar.experiments.curricula.accel import ACCEL
-from segar.experiments.curricula.explorer import Explorer
-from segar.experiments.curricula.level_rows import MADE, LevelRows
-from segar.experiments.curricula.scores import ScoredRows
+from segar.experiments.curricula.level_rows import MADE
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.levels.endless import stream_of
 from segar.experiments.runs.run_folder import read_metrics, read_played

@@ -9,15 +9,8 @@ import pytest
 import segar
 from segar.evaluation import evaluate_policy
 from segar.experiments.evaluation.evaluator import evaluate
-from segar.experiments.settings import (
-    KINDS,
-    ConfigError,
-    EvaluateConfig,
-    LevelsConfig,
-    ObservationConfig,
-    PPOConfig,
-    ScaleConfig,
-)
+from segar.experiments.settings import KINDS, ConfigError, EvaluateConfig, LevelsConfig, ObservationConfig, ScaleConfig
+from segar.experiments.settings.algorithms import PPOConfig
 from segar.experiments.training.run import run
 from segar.policies import Network, NetworkPolicy
 from tests.experiments.short_runs import short_run

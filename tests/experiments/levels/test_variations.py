@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import GoalTile, GolfBall, Gravity, Mass, Position, SandTile
+from segar import GoalTile, GolfBall, Gravity, Mass, Position, SandTile, apply_friction, lorentz_law
 from segar.errors import LevelError
 from segar.experiments.levels import rule_sets
 from segar.experiments.levels.builders import distribution_of, make_levels
@@ -16,7 +16,6 @@ from segar.experiments.settings import ConfigError, LevelsConfig
 from segar.language import FloorFriction, Order
 from segar.levels import share_rule_sets, shared_rule_sets, source_moments
 from segar.metrics import rule_set_distances, w2
-from segar.rules import apply_friction, lorentz_law
 from segar.support import emd
 from segar.tasks import Contender, conditional_puttputt
 

@@ -21,14 +21,7 @@ from segar.experiments.search import (
     search,
     with_values,
 )
-from segar.experiments.settings import (
-    ConfigError,
-    PPOConfig,
-    RunConfig,
-    RunFolderError,
-    TrainingError,
-    without_files,
-)
+from segar.experiments.settings import ConfigError, PPOConfig, RunConfig, RunFolderError, TrainingError, without_files
 from tests.experiments.conftest import working_here
 
 SPACE = {

@@ -11,17 +11,8 @@ import segar
 from segar.envs import VectorEnv
 from segar.experiments.commands.hydra_app import compose
 from segar.experiments.levels.builders import Prepared, make_levels
-from segar.experiments.settings import (
-    ConfigError,
-    PPOConfig,
-    RunConfig,
-    algorithms,
-    as_data,
-    checks,
-    curricula,
-    run,
-    run_config,
-)
+from segar.experiments.settings import ConfigError, RunConfig, algorithms, as_data, checks, curricula, run, run_config
+from segar.experiments.settings.algorithms import PPOConfig
 from segar.observations.pixels.textured import TexturedPixels
 
 OWN_MODULE = """

@@ -3,8 +3,7 @@
 from typing import Tuple
 
 import segar
-from segar import Acceleration, Aggregate, Differential
-from segar.language import Label, cos
+from segar.language import Acceleration, Aggregate, Differential, Label, cos
 
 
 class Phase(segar.Scalar, default=0.5, unit="rad"):

@@ -16,15 +16,8 @@ from segar.experiments.reproduction.experiment_file import GridConfig
 from segar.experiments.reproduction.grid import grid_runs
 from segar.experiments.reproduction.process_pool import Job, run_jobs
 from segar.experiments.runs.run_folder import read_summary
-from segar.experiments.settings import (
-    ConfigError,
-    ObservationConfig,
-    PPOConfig,
-    RunConfig,
-    SACConfig,
-    ScaleConfig,
-    TaskConfig,
-)
+from segar.experiments.settings import ConfigError, ObservationConfig, PPOConfig, RunConfig, ScaleConfig, TaskConfig
+from segar.experiments.settings.algorithms import SACConfig
 from segar.experiments.training.run import run
 from segar.observations import OneOf
 from tests.experiments.short_runs import FRAMES, ITERATIONS, run_killed, short_run, weights

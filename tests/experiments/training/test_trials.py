@@ -14,16 +14,8 @@ from segar.experiments.evaluation.evaluator import evaluate
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.reproduction.grid import varied_columns, with_settings
 from segar.experiments.runs.run_folder import read_episodes, read_summary
-from segar.experiments.settings import (
-    EvaluateConfig,
-    ObservationConfig,
-    PPOConfig,
-    RecurrentPPOConfig,
-    RunConfig,
-    TaskConfig,
-    as_data,
-    run_config,
-)
+from segar.experiments.settings import EvaluateConfig, ObservationConfig, RunConfig, TaskConfig, as_data, run_config
+from segar.experiments.settings.algorithms import PPOConfig, RecurrentPPOConfig
 from segar.experiments.training.advice import advice
 from segar.experiments.training.run import run
 from tests.experiments.short_runs import short_run

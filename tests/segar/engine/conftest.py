@@ -5,13 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from segar import Ball, GoalTile, GolfBall, Levels, Position, World, family, move
 from segar.engine.simulator import Simulator
-from segar.language.entities import Ball, GoalTile, GolfBall
-from segar.language.factors import ID, Position
-from segar.levels.level_set import Levels
-from segar.levels.named_families import family
-from segar.rules import accelerate, move
-from segar.rules.world import World
+from segar.language.factors import ID
+from segar.rules import accelerate
 from tests.segar.engine.random_rules import Author, mixed_levels
 from tests.segar.engine.worlds import compiled, uncompiled
 

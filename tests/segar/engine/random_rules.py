@@ -7,21 +7,13 @@ from typing import Any
 import numpy as np
 
 import segar.language.random
-from segar import Charge, Flag, Friction, Mass, Mobile, Position, Scalar, Shape, Size, Vector, Velocity
+from segar import DEFAULT_RULES, Aggregate, ConflictError, Differential, Levels, RuleError, SetFactor, World, puttputt
 from segar.engine import generate
-from segar.errors import ConflictError, RuleError
-from segar.language.effects import Aggregate, Differential, SetFactor
+from segar.language import Circle, FloorFriction, Friction, Gravity, Parameter, Position, Rule, Square, Triangle, rule
 from segar.language.entities import Ball, Entity, GoalTile, GolfBall, Magnet, Object, SandTile, Thing, Tile
-from segar.language.factors import ID, Heat, Label
-from segar.language.parameters import FloorFriction, Gravity, Parameter
+from segar.language.factors import ID, Charge, Flag, Heat, Label, Mass, Mobile, Scalar, Shape, Size, Vector, Velocity
 from segar.language.relations import as_relation, contains, is_equal, is_on, overlaps
-from segar.language.rule_definition import Rule, rule
-from segar.language.shapes import Circle, Square, Triangle
 from segar.language.values import ZERO, Number, arctan2, cos, exp, hypot, log, maximum, minimum, sin, tan, tanh, where
-from segar.levels.level_set import Levels
-from segar.rules import DEFAULT_RULES
-from segar.rules.world import World
-from segar.tasks.puttputt_task import puttputt
 
 
 class Temperature(Scalar, default=20.0): ...

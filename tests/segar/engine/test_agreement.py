@@ -9,18 +9,10 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import segar.language.random
+from segar import DEFAULT_RULES, Action, Charge, ConflictError, Gravity, Mass, Object, RuleError, Task, Velocity, World
 from segar.engine.simulator import Simulator, State, StepResult
-from segar.errors import ConflictError, RuleError
-from segar.language.effects import Differential, SetFactor
-from segar.language.entities import GoalTile, GolfBall, Object
-from segar.language.factors import Alive, Charge, Mass, Position, Velocity
-from segar.language.parameters import Gravity
-from segar.language.relations import overlaps
-from segar.language.signature import Action
-from segar.language.task import Task
-from segar.language.values import VectorValue as Vector
-from segar.rules import DEFAULT_RULES
-from segar.rules.world import World
+from segar.language import Alive, Differential, GoalTile, GolfBall, Position, SetFactor, overlaps
+from segar.language import VectorValue as Vector
 from tests.segar.engine.random_rules import Author, mixed_levels
 from tests.segar.engine.test_mathematics_in_rules import LEVELS as EMPTY
 from tests.segar.engine.test_mathematics_in_rules import mix

@@ -12,16 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from segar import DEFAULT_RULES, SegarError, World, family, puttputt
+from segar.engine import Simulator, StepResult, generate
 from segar.engine.compiler import kernel_cache as cache
-from segar.engine.compiler.kernel import generate
 from segar.engine.compiler.kernel_cache import expected_seconds, load_module
-from segar.engine.simulator import Simulator, StepResult
-from segar.errors import SegarError
-from segar.levels.named_families import family
-from segar.rules import DEFAULT_RULES
-from segar.rules.world import World
 from segar.support import cache_folder, compiled, is_trusted
-from segar.tasks.puttputt_task import puttputt
 from tests.places import ROOT
 from tests.segar.engine.worlds import start
 

@@ -5,21 +5,10 @@ from typing import Tuple  # as the paper writes rules
 import numpy as np
 import pytest
 
-from segar import Count, Mass, Mobile, Position, Scalar, Size, Vector, Velocity
+from segar import Aggregate, ConflictError, GoalTile, GolfBall, Interpreter, Levels, RuleError, SetFactor, World, move
 from segar.engine.simulator import Simulator
-from segar.errors import ConflictError, RuleError
-from segar.language.effects import Aggregate, SetFactor
-from segar.language.entities import Ball, Bumper, GoalTile, GolfBall, Object
-from segar.language.factors import ID, Label, StoredEnergy
-from segar.language.parameters import WallDamping
-from segar.language.relations import is_equal
-from segar.language.rule_definition import rule
-from segar.language.signature import Wall
-from segar.language.values import ZERO
-from segar.levels.level_set import Levels
-from segar.reference.interpreter import Interpreter
-from segar.rules import move
-from segar.rules.world import World
+from segar.language import ZERO, Ball, Bumper, Mobile, Object, Position, Velocity, Wall, WallDamping, is_equal, rule
+from segar.language.factors import ID, Count, Label, Mass, Scalar, Size, StoredEnergy, Vector
 from tests.segar.engine.worlds import after, compare, random_states, read, start, uncompiled
 
 both_engines = pytest.mark.parametrize("engine", ["interpreter", "source"])

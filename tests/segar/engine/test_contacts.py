@@ -4,14 +4,9 @@ import numpy as np
 import pytest
 
 import segar
+from segar import Ball, Levels, Mass, RuleError, Shape, Size, World, move
 from segar.engine.simulator import State
-from segar.errors import RuleError
-from segar.language.entities import Ball, GoalTile, GolfBall
-from segar.language.factors import ID, Alive, Charge, Done, Mass, Mobile, Position, Shape, Size, StoredEnergy, Velocity
-from segar.language.shapes import Square
-from segar.levels.level_set import Levels
-from segar.rules import move
-from segar.rules.world import World
+from segar.language import ID, Alive, Charge, Done, GoalTile, GolfBall, Mobile, Position, Square, StoredEnergy, Velocity
 from tests.segar.engine.worlds import after, random_states, read, set_factor, start
 
 OVERLAP = 1e-6  # [m] what two bodies or a body and a wall may share at the end of a sub-step

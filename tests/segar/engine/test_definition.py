@@ -9,22 +9,13 @@ import numpy as np
 import pytest
 
 import segar.language.random
-from segar import Acceleration, Charge, Friction, Magnetism, Mass, Mobile, Position, Scalar, Size, Velocity
-from segar.errors import ConflictError, RuleError, SegarError
-from segar.language.effects import Aggregate, Differential, SetFactor
+from segar import Action, Aggregate, ConflictError, Differential, Interpreter, Levels, RuleError, SegarError, SetFactor
+from segar.language import Acceleration, Friction, Leaf, Magnetism, Mass, Task, Wall, leaves_of, rule, value_rule, where
 from segar.language.entities import Ball, Entity, GoalTile, GolfBall
-from segar.language.factors import ID, Label, StoredEnergy
+from segar.language.factors import ID, Charge, Label, Mobile, Position, Scalar, Size, StoredEnergy, Velocity
 from segar.language.parameters import Gravity, MaxVelocity, MinMass, Parameter
 from segar.language.relations import is_equal, is_on, overlaps, relation
-from segar.language.rule_definition import rule, value_rule
-from segar.language.signature import Action, Wall
-from segar.language.task import Task
-from segar.language.tracing import Leaf, leaves_of
-from segar.language.values import where
-from segar.levels.level_set import Levels
-from segar.reference.interpreter import Interpreter
-from segar.rules import accelerate, move
-from segar.rules.world import World
+from segar.rules import World, accelerate, move
 from tests.segar.engine.worlds import compare, compiled, random_states, start, uncompiled
 
 LEVELS = Levels.from_entities([[GolfBall({Position: (0, 0)}), GoalTile({Position: (0.8, 0.8)}), Ball()]])

@@ -9,11 +9,9 @@ import segar
 from segar.engine.simulator import Simulator, StepResult
 from segar.envs.vector import VectorEnv
 from segar.errors import LevelError
-from segar.language import Framerate, MaxVelocity, Mobile
-from segar.language.shapes import ConvexHull, Hexagon, Square, Triangle
-from segar.levels import check_crossings
+from segar.language import ConvexHull, Framerate, Hexagon, MaxVelocity, Mobile, Square, Triangle
+from segar.levels import Levels, check_crossings
 from segar.levels.crossings import _ways_through
-from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
 from tests.segar.engine.worlds import read, start
 

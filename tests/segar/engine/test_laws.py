@@ -5,14 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from segar import Acceleration, Charge, Magnetism, Mass, Position, Size, Velocity
+from segar import DEFAULT_RULES, Acceleration, Levels, Magnetism, Position, Velocity, World, apply_friction, lorentz_law
 from segar.engine.simulator import State
-from segar.language.factors import Drag, InfiniteEnergy, StoredEnergy
-from segar.language.factors import Friction as Mu
-from segar.language.parameters import FloorFriction, MaxVelocity
-from segar.levels.level_set import Levels
-from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law
-from segar.rules.world import World
+from segar.language import Charge, Drag, FloorFriction, InfiniteEnergy, Mass, MaxVelocity, StoredEnergy
+from segar.language import Friction as Mu
+from segar.language.factors import Size
 from tests.agreement import rules_of_2022
 from tests.segar.engine.worlds import random_states, read, set_factor, start, uncompiled
 

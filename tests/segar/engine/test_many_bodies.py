@@ -5,17 +5,13 @@ from typing import Tuple
 import numpy as np
 import pytest
 
+from segar import DEFAULT_RULES, Ball, GoalTile, GolfBall, Levels, Mass, Mobile, Position, Size, Velocity, World
 from segar.engine.compiler import kernel
 from segar.engine.compiler.kernel import MANY_BODIES
 from segar.engine.compiler.sparse_pairs import MANY_PARTNERS
 from segar.engine.simulator import State
-from segar.language.effects import Aggregate, Differential, SetFactor
-from segar.language.entities import Ball, GoalTile, GolfBall
-from segar.language.factors import Acceleration, Charge, Mass, Mobile, Position, Size, StoredEnergy, Velocity
-from segar.language.values import VectorValue as Vector
-from segar.levels.level_set import Levels
-from segar.rules import DEFAULT_RULES
-from segar.rules.world import World
+from segar.language import Acceleration, Aggregate, Charge, Differential, SetFactor, StoredEnergy
+from segar.language import VectorValue as Vector
 from tests.segar.engine.test_contacts import OVERLAP, depths
 from tests.segar.engine.worlds import compare, read, start, uncompiled
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar.engine.compiler.kernel import generate
-from segar.engine.simulator import Simulator
+from segar.engine import Simulator, generate
 from segar.language import Number, arctan2, cos, exp, hypot, log, make, sin, tan, tanh
 from segar.reference.interpreter import Interpreter, keyed_uniform
 from segar.support import keyed_uniform as compiled_uniform

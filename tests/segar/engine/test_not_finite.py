@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Charge, Differential, GoalTile, GolfBall, Mass, Position, SetFactor, Velocity
+from segar import Charge, Differential, GoalTile, GolfBall, Mass, Position, RuleError, SetFactor, Velocity
 from segar.envs import VectorEnv
-from segar.errors import RuleError
 
 STILL = np.zeros((4, 2), np.float32)
 

@@ -6,20 +6,12 @@ import numpy as np
 import pytest
 
 import segar.language.random
-from segar import Charge, Friction, Mass, Mobile, Position, Scalar, Shape, Size, Velocity
-from segar.errors import RuleError
-from segar.language.effects import Aggregate, Differential, SetFactor
+from segar import Charge, Friction, Interpreter, Levels, Mass, Mobile, Position, RuleError, Scalar, Size, Velocity, rule
+from segar.language import ZERO, Aggregate, Differential, Framerate, Parameter, SetFactor, is_equal, is_on, relation
 from segar.language.entities import Ball, Bumper, Entity, GoalTile, GolfBall, Hole, SandTile, Tile
-from segar.language.factors import ID, Alive, Done, Heat, InfiniteEnergy, Label, Order, StoredEnergy, Visible
-from segar.language.parameters import Framerate, Parameter
-from segar.language.relations import is_equal, is_on, relation
-from segar.language.rule_definition import rule
+from segar.language.factors import ID, Alive, Done, Heat, InfiniteEnergy, Label, Order, Shape, StoredEnergy, Visible
 from segar.language.shapes import Circle, Square, Triangle
-from segar.language.values import ZERO
-from segar.levels.level_set import Levels
-from segar.reference.interpreter import Interpreter
-from segar.rules import DEFAULT_RULES, consume, move
-from segar.rules.world import World
+from segar.rules import DEFAULT_RULES, World, consume, move
 from tests.segar.engine.worlds import after, read
 
 pytestmark = pytest.mark.parametrize("engine", ["interpreter", "source"])

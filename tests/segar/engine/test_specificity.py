@@ -9,12 +9,8 @@ import pytest
 import segar
 import segar.language
 import segar.rules
-from segar.language.effects import SetFactor
-from segar.language.entities import GoalTile, GolfBall, Object, Thing
-from segar.language.factors import ID, Label, Mass, Mobile, Position, Size
-from segar.language.relations import as_relation, is_equal
-from segar.language.rule_definition import Rule, rule
-from segar.levels.level_set import Levels
+from segar import GoalTile, GolfBall, Levels, Mass, Mobile, Object, Position, SetFactor, Size, rule
+from segar.language import ID, Label, Rule, Thing, as_relation, is_equal
 from tests.places import ROOT
 from tests.segar.engine.worlds import after, read
 

@@ -2,14 +2,9 @@
 
 import pytest
 
+from segar import Ball, Interpreter, Levels, Mass, World, rule
 from segar.engine.compiler import kernel
-from segar.language import SUB_STEP, Operation, rule
-from segar.language.effects import Differential, SetFactor
-from segar.language.entities import Ball, GoalTile, GolfBall
-from segar.language.factors import Charge, Mass, Position, Velocity
-from segar.levels.level_set import Levels
-from segar.reference.interpreter import Interpreter
-from segar.rules.world import World
+from segar.language import SUB_STEP, Charge, Differential, GoalTile, GolfBall, Operation, Position, SetFactor, Velocity
 from tests.segar.engine.worlds import after
 
 

@@ -3,15 +3,10 @@
 import numpy as np
 import pytest
 
-from segar import Ball, Mass, Object, Position, SetFactor, Task, Velocity
+from segar import Ball, LevelDistribution, Mass, Object, Position, Prior, RuleError, SetFactor, Task, Velocity, World
 from segar.engine import StepResult
-from segar.errors import RuleError
-from segar.language import Best, Done, Every, FloorFriction, Hole, StoredEnergy
-from segar.language.rule_definition import rule, value_rule
-from segar.language.signature import Action
-from segar.levels import LevelDistribution, Prior
+from segar.language import Action, Best, Done, Every, FloorFriction, Hole, StoredEnergy, rule, value_rule
 from segar.noise import DiscreteRangeNoise, RandomUniformLocation
-from segar.rules import World
 from tests.segar.engine.worlds import compare, random_states, read, uncompiled
 
 SOME = LevelDistribution(

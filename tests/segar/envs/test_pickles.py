@@ -12,13 +12,10 @@ import numpy as np
 import pytest
 
 import segar
-from segar import GoalTile, GolfBall, Mass, Position, SetFactor, Velocity
+from segar import GoalTile, GolfBall, Mass, Position, SegarError, SetFactor, Velocity
 from segar.envs import Env, VectorEnv
-from segar.errors import SegarError
 from segar.language import Factors, is_equal
-from segar.observations.composed.stack import Stack
-from segar.observations.pixels.solid_colours import Pixels
-from segar.observations.pixels.textured import TexturedPixels
+from segar.observations import Pixels, Stack, TexturedPixels
 
 WAYS = pytest.mark.parametrize("way", [pickle, cloudpickle], ids=["pickle", "cloudpickle"])
 

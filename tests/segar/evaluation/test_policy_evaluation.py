@@ -8,8 +8,7 @@ from scipy import stats
 
 import segar
 from segar import evaluation
-from segar.evaluation import QUANTITIES, PlayedEpisodes, find_baselines
-from segar.evaluation.policy_evaluation import Evaluation, LevelSetResult
+from segar.evaluation import QUANTITIES, Evaluation, LevelSetResult, PlayedEpisodes, find_baselines
 from segar.experiments.evaluation.episodes import distance_figures, evaluate_run, evaluation_figures, play_episodes
 from segar.experiments.levels.builders import Prepared
 from segar.experiments.settings import EvaluationConfig, RunConfig, TaskConfig

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Ball, GoalTile, GolfBall, Levels, Mass, Position, Velocity, World
-from segar.errors import SegarError
+from segar import Ball, GoalTile, GolfBall, Levels, Mass, Position, SegarError, Velocity, World
 from segar.hardness import influence
 from segar.language import Framerate
 

@@ -8,8 +8,7 @@ from scipy import stats
 
 import segar
 from segar.errors import SegarError
-from segar.hardness import hardness, replay
-from segar.hardness.report import random_episodes, wilson_interval
+from segar.hardness import hardness, random_episodes, replay, wilson_interval
 from segar.hardness.rollouts import OpenLoop, make_starts, play_forks, uniform_actions
 
 

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Differential, GoalTile, GolfBall, Levels, Position, Velocity
-from segar.errors import SegarError
-from segar.hardness import Plan, plan, replay
+from segar import Differential, GoalTile, GolfBall, Levels, Position, SegarError, Velocity
+from segar.hardness import Plan, make_starts, plan, replay
 from segar.hardness.planner import scripted_episodes, value
-from segar.hardness.rollouts import make_starts
 
 
 @segar.rule

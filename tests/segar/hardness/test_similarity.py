@@ -8,8 +8,7 @@ import pytest
 import segar
 from segar import GoalTile, GolfBall, Levels, Mass, Position, World
 from segar.errors import LevelError, SegarError
-from segar.hardness import dynamics_distances, hardness, policy_similarity
-from segar.hardness.planner import Plan
+from segar.hardness import Plan, dynamics_distances, hardness, policy_similarity
 from segar.language import Framerate
 
 

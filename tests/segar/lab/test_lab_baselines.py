@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from segar import cli
-from segar.errors import SegarError
+from segar import SegarError, cli
 from segar.lab import Grader, Lab, Session, baselines, grade_baselines
 from segar.lab.laws import law_in
 from tests.places import ROOT

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import cli
-from segar.errors import SegarError
+from segar import SegarError, cli
 from segar.lab import Lab, Session
 from segar.lab.laws import law_in
 from tests.segar.lab.conftest import DISTRIBUTION, SPACE, WORLD, replayed

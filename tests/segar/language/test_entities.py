@@ -1,9 +1,7 @@
 """Entity types: what they inherit."""
 
 import segar
-from segar import Ball, Charge, Circle, GolfBall, Mass, Shape, Size
-from segar.language import ID, Label
-from segar.language.entities import Object, entity_name
+from segar.language import ID, Ball, Charge, Circle, GolfBall, Label, Mass, Object, Shape, Size, entity_name
 
 
 class Glow(segar.Scalar, default=1.0): ...

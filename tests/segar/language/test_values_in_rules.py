@@ -21,14 +21,12 @@ import pytest
 from omegaconf import OmegaConf
 
 import segar
+from segar import Interpreter, Levels, RuleError, Scalar, rule
 from segar.engine.simulator import Simulator
-from segar.errors import PriorError, RuleError
-from segar.language import Number, Scalar, exp, sin, sqrt, where
-from segar.language.rule_definition import rule, value_rule
+from segar.errors import PriorError
+from segar.language import Number, exp, sin, sqrt, value_rule, where
 from segar.language.symbols import deciding_by, make, walk
 from segar.levels.conditional import Dependent
-from segar.levels.level_set import Levels
-from segar.reference.interpreter import Interpreter
 from tests.segar.engine.worlds import start, uncompiled
 
 TABLE = {0.0: 3.0, 1.0: 5.0, 2.0: 7.0}

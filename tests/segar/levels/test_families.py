@@ -8,8 +8,7 @@ import pytest
 import segar
 from segar import Charge, Levels, Mass, Mobile, Position, Size, family
 from segar.errors import LevelError
-from segar.language import Heat, Order
-from segar.language.shapes import CIRCLE
+from segar.language import CIRCLE, Heat, Order
 from tests.places import TESTS
 
 HASHES = TESTS / "data/family_hashes.json"

@@ -8,33 +8,11 @@ import pytest
 from scipy import stats
 
 import segar
-from segar import (
-    Ball,
-    Charge,
-    Charger,
-    Circle,
-    GaussianNoise,
-    GoalTile,
-    GolfBall,
-    Gravity,
-    LevelDistribution,
-    Mass,
-    Mobile,
-    Object,
-    Position,
-    Prior,
-    RandomUniformLocation,
-    SandTile,
-    Shape,
-    Size,
-    ThingFactory,
-    Tile,
-    UniformNoise,
-)
+from segar import GaussianNoise, Gravity, LevelDistribution, Position, Prior, RandomUniformLocation, Shape, UniformNoise
 from segar.errors import LevelError, PlacementError, PriorError
-from segar.language import Bumper, Damper, Order, Square, StoredEnergy, Thing
-from segar.levels import Dependent
-from segar.levels.hashing import content_hash
+from segar.language import Charge, Charger, Circle, Mass, Mobile, Order, Size, Square, StoredEnergy, Thing, ThingFactory
+from segar.language.entities import Ball, Bumper, Damper, GoalTile, GolfBall, Object, SandTile, Tile
+from segar.levels import Dependent, content_hash
 from segar.noise import Deterministic
 
 ANYWHERE = Prior(Position, RandomUniformLocation())

@@ -4,47 +4,11 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    Ball,
-    Charge,
-    Charger,
-    Circle,
-    Friction,
-    GaussianNoise,
-    GoalTile,
-    GolfBall,
-    Gravity,
-    LevelDistribution,
-    Magnet,
-    Mass,
-    Mobile,
-    Object,
-    Position,
-    Prior,
-    RandomEdgeLocation,
-    RandomUniformLocation,
-    SandTile,
-    Shape,
-    Size,
-    ThingFactory,
-    Tile,
-    UniformNoise,
-    Velocity,
-)
+from segar import Ball, GaussianNoise, LevelDistribution, Prior, RandomEdgeLocation, RandomUniformLocation, UniformNoise
 from segar.errors import PriorError
-from segar.language import (
-    ID,
-    Bumper,
-    Damper,
-    FloorFriction,
-    GlobalFriction,
-    Heat,
-    Label,
-    Order,
-    StoredEnergy,
-    Thing,
-    is_equal,
-)
+from segar.language import Charger, Circle, FloorFriction, GlobalFriction, Gravity, Label, StoredEnergy, Thing, is_equal
+from segar.language.entities import Bumper, Damper, GoalTile, GolfBall, Magnet, Object, SandTile, ThingFactory, Tile
+from segar.language.factors import ID, Charge, Friction, Heat, Mass, Mobile, Order, Position, Shape, Size, Velocity
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 

@@ -8,8 +8,7 @@ import pytest
 import segar
 from segar import Charge, GoalTile, GolfBall, Mass, Position, Prior, UniformNoise
 from segar.errors import LevelError, PriorError
-from segar.levels import TASK_LEVELS
-from segar.levels.apart import near_levels
+from segar.levels import TASK_LEVELS, near_levels
 from segar.noise import Choice, DiscreteRangeNoise, RandomTopLocation, RandomTopRightLocation
 from segar.suites import suite, suites
 

@@ -10,20 +10,9 @@ import pytest
 from scipy.spatial.distance import pdist
 
 import segar
-from segar import Charger, GolfBall, Gravity, Levels, Magnet, Position
+from segar import Bumper, Charger, GolfBall, Gravity, Levels, Magnet, Parameter, Position
 from segar.errors import LevelError
-from segar.language import Bumper
-from segar.language.parameters import Parameter
-from segar.metrics import (
-    cost_matrix,
-    decompose,
-    embed,
-    mmd_test,
-    spread,
-    w2,
-    w2_debiased,
-    w2_sliced,
-)
+from segar.metrics import cost_matrix, decompose, embed, mmd_test, spread, w2, w2_debiased, w2_sliced
 
 FAMILIES = ("empty-hard", "objectsx2-hard", "tilesx3-medium", "puttputt")
 UNIT = {(GolfBall, Position): 1.0}

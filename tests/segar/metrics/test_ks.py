@@ -7,20 +7,9 @@ import pytest
 from scipy import stats
 
 import segar
-from segar import (
-    Charger,
-    GaussianNoise,
-    GolfBall,
-    Gravity,
-    LevelDistribution,
-    Levels,
-    Magnet,
-    Position,
-    Prior,
-    RandomUniformLocation,
-    UniformNoise,
-)
+from segar import GaussianNoise, GolfBall, LevelDistribution, Levels, Magnet, Prior, RandomUniformLocation, UniformNoise
 from segar.errors import LevelError
+from segar.language import Charger, Gravity, Position
 from segar.metrics import ks, ks_by_factor, ks_report
 from segar.metrics.distribution_functions import factor_marginals
 from segar.metrics.kolmogorov import dkw_band, joint_difference

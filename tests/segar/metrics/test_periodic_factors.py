@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import GoalTile, GolfBall, LevelDistribution, Levels, Position, Prior
+from segar import GoalTile, GolfBall, LevelDistribution, Levels, Parameter, Position, Prior
 from segar.errors import FactorError
-from segar.language.parameters import Parameter
 from segar.metrics import decompose, embed, ks, ks_by_factor, ks_report, mmd_test, sample_entropy, spread, w2
 from segar.noise import VonMises
 

@@ -4,19 +4,9 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    Charger,
-    GaussianNoise,
-    GoalTile,
-    GolfBall,
-    LevelDistribution,
-    Levels,
-    Magnet,
-    Position,
-    Prior,
-    UniformNoise,
-)
+from segar import Charger, GaussianNoise, GoalTile, GolfBall, LevelDistribution, Levels, Position, Prior, UniformNoise
 from segar.errors import LevelError
+from segar.language import Magnet
 from segar.metrics import coverage, effective_number, sample_entropy
 from segar.noise import Independent
 

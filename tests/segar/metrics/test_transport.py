@@ -16,9 +16,7 @@ import scipy
 import segar
 from segar import Charger, Friction, GoalTile, GolfBall, Gravity, Levels, Position, SandTile, Size
 from segar.errors import LevelError, UnseenDifferenceWarning
-from segar.language import Bumper
-from segar.language.parameters import Parameter
-from segar.language.shapes import ConvexHull, Square
+from segar.language import Bumper, ConvexHull, Parameter, Square
 from segar.levels.moments import PointSets
 from segar.levels.named_families import puttputt_default_config
 from segar.metrics import spread, w2, w2_report

@@ -4,9 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from segar.language.entities import GlobalFriction
-from segar.language.factors import Floor, Mobile, Order, Position, Size, Visible
-from segar.language.shapes import CIRCLE
+from segar.language import CIRCLE, Floor, GlobalFriction, Mobile, Order, Position, Size, Visible
 from tests.segar.observations.scenes import Scene
 
 Look = Callable[[int, int, int], np.ndarray]

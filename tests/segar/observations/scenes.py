@@ -5,25 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from segar.language.entities import (
-    Ball,
-    Bumper,
-    Charger,
-    Damper,
-    FireTile,
-    GlobalFriction,
-    GoalTile,
-    Hole,
-    MagmaTile,
-    Magnet,
-    SandTile,
-)
-from segar.language.factors import Floor, Mobile, Order, Position, Size
-from segar.language.layout import Layout, Slot
-from segar.language.shapes import CIRCLE, HULL, RandomConvexHull
+from segar import Ball, Charger, Damper, FireTile, GoalTile, Hole, Magnet, Mobile, Position, SandTile, Size, World
+from segar.language import CIRCLE, HULL, Bumper, Floor, GlobalFriction, Layout, MagmaTile, Order, RandomConvexHull, Slot
 from segar.levels.level_data import Provenance
 from segar.observations.pixels.solid_colours import Pixels
-from segar.rules.world import World
 from segar.textures import TextureSet
 
 ANYTHING = (Charger, Magnet, Bumper, Damper, Ball, SandTile, MagmaTile, Hole, FireTile)

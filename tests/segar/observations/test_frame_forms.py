@@ -5,13 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from segar.errors import SegarError
-from segar.language.entities import GoalTile, GolfBall
-from segar.language.factors import Position
+from segar import GoalTile, GolfBall, Position, SegarError, World
+from segar.observations import Pixels, TexturedPixels
 from segar.observations.pixels.drawing import grey_of
-from segar.observations.pixels.solid_colours import Pixels
-from segar.observations.pixels.textured import TexturedPixels
-from segar.rules.world import World
 from tests.segar.observations.plain_renderer import draw_plainly
 from tests.segar.observations.scenes import ANYTHING, draw, frames_of, put, random_textures, scene, start
 from tests.segar.observations.test_pixels import solid

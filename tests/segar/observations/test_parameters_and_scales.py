@@ -10,8 +10,7 @@ from segar import GoalTile, GolfBall, Gravity, Mass, Parameter, Position, Prior,
 from segar.envs import TorchRLEnv, VectorEnv
 from segar.errors import FactorError, LevelError
 from segar.language import FloorFriction
-from segar.observations import Stack, StateVector
-from segar.observations.protocol import empty_batch, simulator_reads
+from segar.observations import Stack, StateVector, empty_batch, simulator_reads
 
 
 class Breeze(Parameter, default=0.0, unit="N"): ...

@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from segar.errors import FactorError
-from segar.language.entities import (
-    Ball,
-    CueBall,
-    GoalTile,
-    GolfBall,
-    SandTile,
-)
-from segar.language.factors import Position, Size, Visible
+from segar.language import Ball, CueBall, GoalTile, GolfBall, Position, SandTile, Size, Visible
 from segar.observations.pixels.solid_colours import COLOURS, FLOOR, Colour, Pixels, colour_of
 from tests.segar.observations.plain_renderer import Look, draw_plainly
 from tests.segar.observations.scenes import ANYTHING, Scene, draw, put, scene

@@ -10,15 +10,7 @@ import pytest
 
 import segar
 from segar.envs import VectorEnv
-from segar.observations import (
-    Multi,
-    OneOf,
-    PreviousActions,
-    Stack,
-    StateVector,
-    TexturedPixels,
-)
-from segar.observations.protocol import draws_per_episode
+from segar.observations import Multi, OneOf, PreviousActions, Stack, StateVector, TexturedPixels, draws_per_episode
 
 LEVELS = segar.family("objectsx1-hard").sample(4, seed=0)
 HOOKS = ("forget", "start", "advance", "rewarded", "memory", "recall")

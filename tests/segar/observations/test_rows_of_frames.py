@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from segar.language.entities import GoalTile, GolfBall
+from segar.observations import Pixels, TexturedPixels
 from segar.observations.pixels.drawing import draw_rows, paint_rows
-from segar.observations.pixels.solid_colours import Pixels
-from segar.observations.pixels.textured import TexturedPixels
 from tests.segar.observations.scenes import ANYTHING, random_textures, scene
 
 KINDS = {

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Charge, Mass, Velocity
-from segar.language.factors import Count, Factor, Flag
+from segar import Charge, Count, Factor, Flag, Mass, Velocity
 from segar.observations import Colour, Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
 from segar.observations.protocol import empty_batch, leaves
 

@@ -8,8 +8,7 @@ import pytest
 import segar
 from segar import Charge, GoalTile, GolfBall, Magnet, Mass, Position, Prior, Velocity
 from segar.language import Heat
-from segar.observations import AllObjects, AllState, AllTiles, ObjectState, StateVector, TileState
-from segar.observations.protocol import empty_batch
+from segar.observations import AllObjects, AllState, AllTiles, ObjectState, StateVector, TileState, empty_batch
 from segar.observations.state.state_options import HIDDEN, MISSING_2022
 
 # One to three things of four types, so that slots can be empty and can hold what has the factor or lacks it.

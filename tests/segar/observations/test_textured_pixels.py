@@ -7,17 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from segar.errors import SegarError
-from segar.language.entities import Ball, Charger, GoalTile, GolfBall, Magnet, SandTile
-from segar.language.factors import (
-    Charge,
-    Heat,
-    Mass,
-    Position,
-    Size,
-    StoredEnergy,
-    Velocity,
-)
+from segar import Ball, Mass, SegarError, Size
+from segar.language import Charge, Charger, GoalTile, GolfBall, Heat, Magnet, Position, SandTile, StoredEnergy, Velocity
 from segar.observations.pixels.textured import TexturedPixels
 from segar.textures import TextureSet
 from tests.segar.observations.plain_renderer import Look, draw_plainly

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Charger, GolfBall, Position
+from segar import Charger, GolfBall, Position, puttputt
 from segar.rendering import Stage
 from segar.rendering.labels import Request, overlap, place_labels
 from segar.rendering.scene import charge_sources, electric_field, hint_strength
-from segar.tasks.puttputt_task import puttputt
 
 
 def charges(*of: tuple[float, tuple[float, float]]):

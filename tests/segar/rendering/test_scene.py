@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Ball, Charge, GoalTile, GolfBall, Mass, Position, SandTile, Shape
+from segar import Ball, Charge, GoalTile, GolfBall, Mass, Position, SandTile, Shape, puttputt
 from segar.language import NO_LIMIT, Heat
-from segar.rendering import Stage
-from segar.rendering.camera import status_line
-from segar.tasks.puttputt_task import puttputt
+from segar.rendering import Stage, status_line
 
 
 class Temperature(segar.Scalar, default=20.0, unit="degC"): ...

@@ -10,9 +10,8 @@ import pytest
 import scipy
 
 import segar
-from segar import Charge, Differential, Magnetism, Mass, Position, SetFactor, Velocity, rule
 from segar.errors import ConflictError, FactorError, LevelError, PriorError, RuleError
-from segar.language import Visible
+from segar.language import Charge, Differential, Magnetism, Mass, Position, SetFactor, Velocity, Visible, rule
 from segar.levels import Levels, active_options, family, rules_in_words, shared_rule_sets
 from segar.noise import Bernoulli, Choice, DiscreteRangeNoise, GaussianNoise, LogUniform, UniformNoise
 from segar.rules import RuleOption, RuleSpace, World, constant

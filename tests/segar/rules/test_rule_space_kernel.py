@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import segar
+from segar import Charge, DiscreteRangeNoise, Levels, Magnetism, Mass, World, family
 from segar.engine import Simulator
-from segar.language import Charge, Magnetism, Mass
-from segar.levels import Levels, active_options, family, rule_space_of
-from segar.noise import DiscreteRangeNoise
-from segar.rules import World
+from segar.levels import active_options, rule_space_of
 from segar.rules.templates import dynamics_space
 from tests.segar.engine.worlds import compare, random_states, start, uncompiled
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from segar import Ball, Charge, Charger, GoalTile, GolfBall, Magnetism, Mass, Mobile, Position, SandTile, Velocity
+from segar import Ball, Charge, Charger, GoalTile, GolfBall, Magnetism, Mobile, Position, RuleError, SandTile, Velocity
 from segar.engine import State
-from segar.errors import RuleError
-from segar.language import Framerate, Visible
+from segar.language import Framerate, Mass, Visible
 from segar.levels import Levels, rules_in_words
 from segar.noise import Choice, Deterministic, UniformNoise
 from segar.rules import RuleOption, RuleSpace, World, accelerate, move, templates

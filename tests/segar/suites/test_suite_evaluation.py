@@ -5,18 +5,11 @@ import numpy as np
 import pytest
 
 import segar
+from segar import Mass
 from segar.errors import SegarError, SuiteError
 from segar.evaluation import RecordedActions
-from segar.language import Mass
 from segar.observations import SHIPPED, Stack, StateVector, TexturedPixels
-from segar.suites import (
-    TEXTURED,
-    evaluate_on_side,
-    evaluate_on_suite,
-    observation_on,
-    side_options,
-    suite,
-)
+from segar.suites import TEXTURED, evaluate_on_side, evaluate_on_suite, observation_on, side_options, suite
 
 SIDES = ("train", "test")
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import suites
+from segar import Mass, Position, suites
 from segar.errors import SuiteError
-from segar.language import Mass, Position
 from segar.levels import hash_of_levels
 from segar.suites import AXES, Suite, admission, freeze, read_suite
 from segar.suites.suite_file import ITERATIONS, SAMPLES, hash_of_plans

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import GoalTile, GolfBall, cli
+from segar import GoalTile, GolfBall, SegarError, cli
 from segar.envs import Env, VectorEnv
-from segar.errors import SegarError
 from segar.hardness import hardness
 from segar.tasks import TASKS, with_conditions
 

@@ -8,9 +8,8 @@ from safetensors.numpy import save_file
 
 import segar
 from segar.noise import UniformNoise
-from segar.textures import FilterBank, filter_textures, linear_read_out
+from segar.textures import UNIFORM, FilterBank, filter_textures, linear_read_out
 from segar.textures.filter_clusters import aligned, cluster_costs, cluster_filters, filter_patterns
-from segar.textures.standard import UNIFORM
 
 
 def built_in(seed: int = 0, **options) -> FilterBank:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Charge, GoalTile, GolfBall, Mass
-from segar.language import Heat
+from segar.language import Charge, GoalTile, GolfBall, Heat, Mass
 from segar.textures import TextureSet, type_inputs
 
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from segar.levels import TASK_LEVELS, families, family, mix
-from segar.textures import TextureSet, linear_read_out, shipped_sets
-from segar.textures.inputs import is_noise
-from segar.textures.standard import INPUTS, UNIFORM
+from segar.textures import INPUTS, UNIFORM, TextureSet, is_noise, linear_read_out, shipped_sets
 from segar.textures.texture_sets import DATA
 
 SIZES = {"one": 1, "five": 5, "twenty": 20, "baseline": 1, "close": 5, "far": 5}

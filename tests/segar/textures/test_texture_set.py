@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import segar
-from segar import GoalTile, GolfBall, Mass
-from segar.language import Heat
+from segar.language import GoalTile, GolfBall, Heat, Mass
 from segar.textures import TextureSet
 
 INPUTS = ("background", Heat, "Charge", GoalTile, "noise_1")

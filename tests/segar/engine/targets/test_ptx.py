@@ -8,12 +8,10 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from segar import Levels, SegarError, World, families, family
 from segar.engine import BY_NUMBER, Argument, Entry, Simulator, State, StepResult, build_kernel, step_entry
 from segar.engine.targets.ptx import DESCRIPTION
-from segar.errors import SegarError
-from segar.levels.level_set import Levels
-from segar.levels.named_families import TASK_LEVELS, families, family
-from segar.rules.world import World
+from segar.levels.named_families import TASK_LEVELS
 from segar.tasks import task_of
 from tests.segar.engine.random_rules import mixed_levels, worlds_of_random_rules
 from tests.segar.engine.targets.ptx_machine import PTXMachine, UnknownPTX

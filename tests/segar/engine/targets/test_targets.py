@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 import segar
+from segar import Ball, Charge, ConflictError, GoalTile, GolfBall, Position, RuleError, SegarError, families
 from segar.engine import TARGETS, Given, Rows, Scratch, Simulator, TargetKernel, build_kernel, call_of
 from segar.engine.compiler.kernel import CONFLICT
 from segar.engine.targets import build, numba_ir
 from segar.engine.targets.build import COMPILED
 from segar.engine.targets.wasm_linker import leb, link, padded, signed_leb
 from segar.envs import VectorEnv, build_environment
-from segar.errors import ConflictError, RuleError, SegarError
-from segar.language import Ball, Charge, GoalTile, GolfBall, Position
-from segar.levels import TASK_LEVELS, families
+from segar.levels import TASK_LEVELS
 from segar.observations import OneOf, Stack
 from tests.places import ROOT
 from tests.segar.engine.random_rules import mixed_levels, worlds_of_random_rules
