@@ -6,15 +6,12 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+import pytest
 
-from segar import Acceleration, Charge, Magnetism, Mass, Mobile, Position, Velocity
+from segar import Acceleration, ConflictError, Interpreter, Levels, Magnetism, Position, RuleError, Velocity, World
 from segar.engine.compiler.running_kernel import RunningKernel
 from segar.engine.simulator import Simulator, State, StepResult
-from segar.errors import ConflictError, RuleError
-from segar.language.factors import Alive, Done, Drag, InfiniteEnergy, StoredEnergy
-from segar.levels.level_set import Levels
-from segar.reference.interpreter import Interpreter
-from segar.rules.world import World
+from segar.language.factors import Alive, Charge, Done, Drag, InfiniteEnergy, Mass, Mobile, StoredEnergy
 from segar.support import PATIENCE
 
 
@@ -112,7 +109,7 @@ def compare(simulator: Simulator, levels: Levels, state: State, actions: Any = N
         assert ours.tick[0] == theirs.tick and ours.contacts[0] - state.contacts[e] == theirs.contacts, f"state {e}"
         assert ours.unresolved_contacts[0] - state.unresolved_contacts[e] == theirs.unresolved_contacts
         if actions is not None:
-            assert outcome.reward[0] == _near(theirs.reward)
+            assert outcome.reward[0] == pytest.approx(theirs.reward, rel=1e-12, abs=1e-12, nan_ok=True)
             says = bool(outcome.terminated[0]), bool(outcome.success[0]), bool(outcome.death[0])
             assert says == (theirs.terminated, theirs.success, theirs.death), f"state {e}"
         found.contacts += theirs.contacts
@@ -170,9 +167,3 @@ def _step(simulator: Simulator, levels: Levels, state: State, actions: Any, n: i
 
 def _pick(state: State, e: int) -> State:
     return State(**{name: array[e : e + 1].copy() for name, array in vars(state).items()})
-
-
-def _near(value: float | None) -> Any:
-    import pytest
-
-    return pytest.approx(value, rel=1e-12, abs=1e-12, nan_ok=True)

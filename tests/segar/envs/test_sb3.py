@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecFrameStack, VecMonitor, VecNorma
 
 import segar
 from segar.envs import SB3VecEnv, VectorEnv
-from segar.observations import Pixels
+from segar.observations import Pixels, leaves
 from segar.rendering import View
 
 LEVELS = segar.family("tilesx1-easy").sample(10, seed=0)
@@ -24,10 +24,6 @@ DICT = {"state": "state", "look": Pixels(32)}
 
 def random_actions(steps: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-1, 1, (steps, N, 2)).astype(np.float32)
-
-
-def leaves(observation) -> list[np.ndarray]:
-    return [*observation.values()] if isinstance(observation, dict) else [observation]
 
 
 @pytest.mark.parametrize("observation", ["state", Pixels(32), DICT], ids=["state", "pixels", "dict"])
