@@ -37,10 +37,10 @@ from segar.hardness import Plan, plan
 from segar.lab import Lab, Session
 from segar.playground.run_folder import read_policy
 from segar.policies import Network
-from segar.suites import read_suite
-from segar.suites.suite_file import HASHED, suite_hash
+from segar.suites.suite_file import HASHED, read_suite, suite_hash
 from segar.tasks import task_of
 from segar.textures import TextureSet
+from tests.crafted import description_of
 from tests.hostile import MODULE, SECRET, assert_nothing_runs, watching
 from tests.segar.datasets.test_human_play import played
 from tests.segar.lab.conftest import DISTRIBUTION, WORLD
@@ -81,13 +81,10 @@ def text_at(path):
 
 def archive_at(path):
     """The description in an archive, and a function that writes another one into it."""
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    description = json.loads(arrays.pop("metadata").tobytes())
+    description, described = description_of(path)
 
     def write(data: Any) -> Path:
-        text = np.frombuffer(json.dumps(data).encode(), np.uint8)
-        np.savez(path, **arrays, metadata=text)  # type: ignore[arg-type]
+        path.write_bytes(described(json.dumps(data).encode()))
         return path
 
     return description, write

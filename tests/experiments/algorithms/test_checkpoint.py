@@ -22,7 +22,7 @@ from segar.experiments.algorithms.ppo import PPO, PPOPolicy
 from segar.experiments.levels.builders import make_levels
 from segar.experiments.runs.run_folder import CHECKPOINT
 from segar.experiments.settings import CheckpointError, PPOConfig, RunConfig
-from tests.crafted import crafted_descriptions, flipped, zipped
+from tests.crafted import assert_clean_errors, crafted_descriptions, flipped, zipped
 
 CONFIG = RunConfig(algorithm=PPOConfig(num_envs=4, num_steps=4, widths=(8,), head_width=8))
 CODE = {"kernel": "0123456789abcdef", "learner": "fedcba9876543210"}
@@ -132,14 +132,14 @@ def test_a_checkpoint_that_was_changed_is_refused_or_leads_to_the_same_weights(s
     folder, one = saved
     path, other = folder / CHECKPOINT, learner()
     weights = one.policy.state_dict()
-    for what, content in list(crafted(path)):
-        path.write_bytes(content)
-        try:
-            resume_checkpoint(folder, CONFIG, other, CODE)
-        except CheckpointError as error:
-            assert CHECKPOINT in str(error) and "\n" not in str(error), what
-        else:
-            assert all(torch.equal(weights[name], value) for name, value in other.policy.state_dict().items()), what
+
+    def is_harmless(_):
+        return all(torch.equal(weights[name], value) for name, value in other.policy.state_dict().items())
+
+    def resume():
+        return resume_checkpoint(folder, CONFIG, other, CODE)
+
+    assert_clean_errors(crafted(path), path, resume, is_harmless, CheckpointError)
 
 
 def test_changed_bytes_of_a_checkpoint_are_found_or_change_nothing(saved):
@@ -147,15 +147,12 @@ def test_changed_bytes_of_a_checkpoint_are_found_or_change_nothing(saved):
     path = folder / CHECKPOINT
     weights, whole = read_checkpoint(path)["policy"], path.read_bytes()
     truncated = [(f"{share} of it", whole[: int(share * len(whole))]) for share in (0.0, 0.1, 0.5, 0.999)]
-    for what, content in [*truncated, *flipped(path, 150)]:
-        path.write_bytes(content)
-        try:
-            found = read_checkpoint(path)["policy"]
-        except CheckpointError as error:
-            assert CHECKPOINT in str(error) and "\n" not in str(error), what
-        else:
-            assert (what, content) not in truncated, what
-            assert all(torch.equal(weights[name], value) for name, value in found.items()), what
+
+    def is_harmless(found):
+        return all(torch.equal(weights[name], value) for name, value in found["policy"].items())
+
+    assert_clean_errors(flipped(path, 150), path, lambda: read_checkpoint(path), is_harmless, CheckpointError)
+    assert_clean_errors(truncated, path, lambda: read_checkpoint(path), refusal=CheckpointError)
 
 
 def test_a_checkpoint_of_compressed_parts_is_refused_before_it_is_expanded(saved):

@@ -1,6 +1,5 @@
 """An experiment is data: every file of conf/experiment is right at every scale, and a wrong one is told with its place."""
 
-import copy
 import re
 
 import pyarrow.parquet as pq
@@ -15,6 +14,7 @@ from segar.experiments.reproduction.grid import grid_runs
 from segar.experiments.reproduction.plan import make_plan
 from segar.experiments.settings import ConfigError, ObservationConfig, RunConfig
 from segar.support import WORKSPACE
+from tests.crafted import replaced
 
 GOOD = {
     "title": "A grid",
@@ -22,15 +22,6 @@ GOOD = {
     "transfers": [{"difficulty": "harder"}],
     "scales": {"quick": {"counts": [3]}, "paper": {}},
 }
-
-
-def changed(path, value):
-    data = copy.deepcopy(GOOD)
-    place = data
-    for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
-    return data
 
 
 def test_a_scale_changes_what_it_names_and_nothing_else():
@@ -61,7 +52,7 @@ HERE = "grids.mine"
 )
 def test_what_is_wrong_is_told_with_its_place(path, value, message):
     with pytest.raises(ConfigError, match=re.escape(message)):
-        experiment_at("mine", changed(path, value), "quick")
+        experiment_at("mine", replaced(GOOD, path, value), "quick")
 
 
 def test_a_study_without_a_grid_has_nothing_to_differ_in():

@@ -1,7 +1,6 @@
 """A study is a file: its schema is that of the checks, wrong files are told with place and fix, and grids cross what they
 say."""
 
-import copy
 import json
 import re
 import sys
@@ -22,6 +21,7 @@ from segar.experiments.reproduction.plan import as_text, make_plan, measure_spee
 from segar.experiments.reproduction.study_file import read_study, schema
 from segar.experiments.settings import ConfigError, RunConfig, RunFolderError
 from segar.experiments.study import study_of
+from tests.crafted import replaced
 from tests.experiments.short_runs import run_module
 
 GOOD = {
@@ -68,15 +68,6 @@ def written(folder, data, name="mine.yaml"):
     return path
 
 
-def changed(place, value):
-    data = copy.deepcopy(GOOD)
-    group = data
-    for key in place[:-1]:
-        group = group.setdefault(key, {})
-    group[place[-1]] = value
-    return data
-
-
 def test_the_example_of_the_help_fits_the_schema_and_so_do_all_experiments():
     example = re.search(r"::\n\n(    title.*?)\n\nThe command", segar.experiments.study.__doc__, re.DOTALL)[1]
     jsonschema.validate(yaml.safe_load(example), schema())
@@ -92,7 +83,7 @@ def test_the_schema_is_one_and_the_command_prints_it():
 
 @pytest.mark.parametrize(("place", "value", "message"), WRONG.values(), ids=WRONG)
 def test_a_wrong_file_is_told_with_its_name_and_the_place(tmp_path, place, value, message):
-    path = written(tmp_path, changed(place, value))
+    path = written(tmp_path, replaced(GOOD, place, value))
     with pytest.raises(ConfigError, match=re.escape(f"{path}: {message}")):
         read_study(path)
 
@@ -113,11 +104,8 @@ def test_a_transfer_in_two_spellings_is_refused_as_the_same(tmp_path):
                                    ("grid", "designs"), ("settings", "algorithm")])  # fmt: skip
 def test_a_study_reaches_what_lies_beside_it_and_not_python_its_packages_or_segar(tmp_path, monkeypatch, place, name):
     """Also where something of the same name, which no import would take, lies beside it."""
-    study = copy.deepcopy(GOOD) | {"claims": {"distance": {"says": "x", "test": "mean", "expected": "none"}}}
-    part = study
-    for key in place[:-1]:
-        part = part[key]
-    part[place[-1]] = [name] if place[0] == "grid" else name
+    study = {**GOOD, "claims": {"distance": {"says": "x", "test": "mean", "expected": "none"}}}
+    study = replaced(study, place, [name] if place[0] == "grid" else name)
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(study))
     (tmp_path / name.partition(":")[0].partition(".")[0]).mkdir()
     with pytest.raises(RunFolderError, match=rf"names code that would be imported: {re.escape(name)} \({place[0]}"):
@@ -134,7 +122,7 @@ def test_a_tab_is_told_with_its_line(tmp_path):
 
 
 def test_a_setting_that_the_grid_varies_says_nothing_beside_it(tmp_path):
-    data = changed(["settings", "observation.options.normalise"], True)
+    data = replaced(GOOD, ["settings", "observation.options.normalise"], True)
     data["grid"]["vary"] = {"observation.options.normalise": [True, False]}
     with pytest.raises(ConfigError, match=r"settings.observation.options.normalise: it would say nothing .* grid.vary"):
         read_study(written(tmp_path, data))
@@ -175,7 +163,7 @@ def test_settings_that_say_nothing_beside_the_grid_are_refused(tmp_path, setting
 def test_the_schema_refuses_what_the_checks_refuse(name):
     place, value, _ = WRONG[name]
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(changed(place, value), schema())
+        jsonschema.validate(replaced(GOOD, place, value), schema())
 
 
 @pytest.mark.parametrize(

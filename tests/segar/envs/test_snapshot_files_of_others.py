@@ -7,7 +7,7 @@ import segar
 from segar.envs import Snapshot, VectorEnv
 from segar.errors import SegarError
 from segar.observations import Stack
-from tests.crafted import assert_clean_errors, crafted_archives, crafted_metadata, flipped, with_array
+from tests.crafted import assert_clean_errors, crafted_archives, crafted_metadata, crafted_sizes, flipped, with_array
 
 LEVELS = segar.family("empty-hard").sample(4, seed=0)
 
@@ -57,12 +57,8 @@ def with_other_numbers(path):
 
 def with_other_sizes(path):
     """Snapshots in which one array is of more or fewer environments than the others, or of other columns."""
-    with np.load(path) as archive:
-        arrays = {name: archive[name] for name in archive.files if name != "metadata"}
-    for name, array in arrays.items():
-        for what, other in (("twice", np.concatenate([array, array])), ("less", array[:-1]), ("none", array[:0])):
-            yield f"{name} {what}", with_array(path, name, other)
-    values = arrays["values"]
+    yield from crafted_sizes(path)
+    values = Snapshot.load(path).state.values
     for what, other in (("columns", values[:, :, :-1]), ("entities", values[:, :-1])):
         yield f"values with fewer {what}", with_array(path, "values", np.ascontiguousarray(other))
 

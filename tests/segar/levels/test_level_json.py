@@ -16,7 +16,7 @@ from segar import Ball, Circle, GoalTile, GolfBall, Gravity, Levels, Mass, Objec
 from segar.errors import LevelError
 from segar.language import ConvexHull, FloorFriction, Parameter
 from segar.levels import LEVEL_ARRAYS, families, level_schema
-from tests.crafted import assert_clean_errors, crafted_descriptions, crafted_texts
+from tests.crafted import assert_clean_errors, at, crafted_descriptions, crafted_texts
 from tests.places import ROOT
 
 NAMES = sorted({*(name for name in families() if name.endswith("hard")), "puttputt", "billiards", "invisiball"})
@@ -186,25 +186,11 @@ def test_whole_numbers_stand_for_the_same_floats(tmp_path):
     assert place.tolist() == [0.0, 0.0] and np.signbit(place).tolist() == [False, True]
 
 
-def edit(place: str, value: object):
-    """A function that puts a value at a place of the data, or deletes it where the value is ``...``."""
-
-    def change(data: dict) -> None:
-        *parents, last = [int(part) if part.isdecimal() else part for part in place.split("/")]
-        for part in parents:
-            data = data[part]
-        if value is ...:
-            del data[last]
-        else:
-            data[last] = value
-
-    return change
-
-
 BALL = "levels/2/entities/golfball"
 FLOOR = "levels/1/entities/global_friction"
 GOAL = {"type": "GoalTile", "factors": {}}
-# What is edited, to which value; where the message says that something is wrong, empty for the whole file, and what it names.
+# What is edited, to which value, where ``...`` deletes it; where the message says that something is wrong, empty for the whole
+# file, and what it names.
 WRONG = {
     "a factor misspelt": (f"{BALL}/factors/Mas", 1.0, f"{BALL}/factors", "'Mas'.*'Mass'"),
     "a factor of others": (f"{BALL}/factors/Heat", 1.0, f"{BALL}/factors", "has no 'Heat'"),
@@ -242,7 +228,10 @@ WRONG = {
 def test_what_does_not_belong_into_a_level_file_is_refused_with_its_place(what, tmp_path):
     edited, value, place, named = WRONG[what]
     data = in_json(LEVELS, tmp_path)
-    edit(edited, value)(data)
+    *parents, last = [int(part) if part.isdecimal() else part for part in edited.split("/")]
+    at(data, tuple(parents))[last] = value
+    if value is ...:
+        del at(data, tuple(parents))[last]
     with pytest.raises(LevelError) as caught:
         Levels.load(written(tmp_path, data))
     said = re.sub(r"/(\d+)", r"[\1]", place).replace("/", ".")

@@ -11,33 +11,13 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    Ball,
-    Charge,
-    Circle,
-    Friction,
-    GoalTile,
-    GolfBall,
-    Gravity,
-    LevelDistribution,
-    Levels,
-    Mass,
-    Mobile,
-    Object,
-    Position,
-    Prior,
-    RandomUniformLocation,
-    SandTile,
-    Shape,
-    Size,
-    UniformNoise,
-    Velocity,
-    family,
-)
+from segar import GoalTile, GolfBall, Gravity, LevelDistribution, Prior, RandomUniformLocation, SandTile, UniformNoise
 from segar.errors import LevelError, PlacementError
-from segar.language import ID, ConvexHull, FloorFriction, Heat, Hole, Label, Order, RandomConvexHull
-from segar.levels.level_data import LEVEL_ARRAYS
+from segar.language import Ball, Circle, ConvexHull, FloorFriction, Heat, Hole, Label, Object, Order, RandomConvexHull
+from segar.language.factors import ID, Charge, Friction, Mass, Mobile, Position, Shape, Size, Velocity
+from segar.levels import LEVEL_ARRAYS, Levels, family
 from segar.suites import suite
+from tests.crafted import description_of
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 SOME = ("empty-easy", "objectsx3-hard", "tilesx2-medium", "puttputt")
@@ -125,10 +105,8 @@ def test_fixed_positions_are_kept_and_the_rest_is_drawn():
 def described_anew(levels: Levels, change: Callable[[str], str], folder: Path) -> Path:
     """A file of the levels with another text as its description."""
     levels.save(folder / "x.npz")
-    with np.load(folder / "x.npz") as archive:
-        arrays = dict(archive)
-    text = change(arrays["metadata"].tobytes().decode())
-    np.savez(folder / "x.npz", **{**arrays, "metadata": np.frombuffer(text.encode(), dtype=np.uint8)})
+    description, described = description_of(folder / "x.npz")
+    (folder / "x.npz").write_bytes(described(change(json.dumps(description)).encode()))
     return folder / "x.npz"
 
 
