@@ -46,6 +46,7 @@ def assert_clean_errors(
 
     Args:
         is_harmless: of what was loaded, whether it is as if nothing was changed; where it is None nothing must load.
+        refusal: the class of that error.
     """
     wrong, count = [], 0
     for name, content in list(files):  # each is made from the file as it was, before one of them lies in its place

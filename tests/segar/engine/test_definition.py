@@ -366,6 +366,12 @@ def test_relations_may_take_parameters_that_are_known():
         def is_pushed(body: Ball, action: Action) -> bool:
             return action[0] > 0
 
+    def lucky(body: Ball) -> bool:
+        return segar.random.bernoulli(0.5)
+
+    with pytest.raises(RuleError, match=r"lucky \(test_definition.py:\d+\): a relation cannot draw random numbers"):
+        relation(lucky)
+
 
 def test_contact_rules_see_two_bodies_and_nothing_else():
     def over(a: Ball, b: Ball) -> SetFactor[Velocity]:

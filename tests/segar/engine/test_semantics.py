@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import segar.language.random
-from segar import Charge, Friction, Interpreter, Levels, Mass, Mobile, Position, RuleError, Scalar, Size, Velocity, rule
+from segar import Charge, Friction, Interpreter, Levels, Mass, Mobile, Position, Scalar, Size, Velocity, rule
 from segar.language import ZERO, Aggregate, Differential, Framerate, Parameter, SetFactor, is_equal, is_on, relation
 from segar.language.entities import Ball, Bumper, Entity, GoalTile, GolfBall, Hole, SandTile, Tile
 from segar.language.factors import ID, Alive, Done, Heat, InfiniteEnergy, Label, Order, Shape, StoredEnergy, Visible
@@ -323,14 +323,6 @@ def test_a_bumper_gives_its_energy_once_unless_it_is_without_end(engine):
         state = after(engine, [move], levels)
         assert read(state, levels, StoredEnergy)[0, 2] == energy
         assert read(state, levels, Velocity)[0, 3] == pytest.approx([-2.0, 0.0], abs=1e-6)
-
-
-def test_a_rule_cannot_hide_its_randomness_in_a_relation(engine):
-    with pytest.raises(RuleError, match=r"lucky \(test_semantics.py:\d+\): a relation cannot draw random numbers"):
-
-        @relation
-        def lucky(body: Ball) -> bool:
-            return segar.random.bernoulli(0.5)
 
 
 def test_the_interpreter_explains_which_rules_said_what(engine):
