@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from segar.experiments.commands.hydra_app import compose
-from segar.experiments.runs.run_folder import computed_as_begun, precision_in, read_config, use_run_folder
+from segar.experiments.runs.run_folder import use_run_folder
 from segar.experiments.settings import ConfigError, RunFolderError
 from segar.experiments.settings.processor import BFLOAT16, multiplies_bf16
 from tests.synthetic_runs import MADE_WITH
@@ -55,13 +55,6 @@ def test_auto_is_bfloat16_where_the_processor_multiplies_it(on, has):
     on(has)
     assert compose(ASKED).computed_here().algorithm.precision == ("bf16" if has else "fp32")
     assert compose([*ASKED, "determinism=portable"]).computed_here().algorithm.precision == "fp32"
-
-
-def test_a_run_goes_on_in_the_precision_in_which_it_was_begun(begun_in_bf16):
-    config, folder = begun_in_bf16
-    assert precision_in(folder) == "bf16" and read_config(folder).algorithm.precision == "auto"
-    assert computed_as_begun(folder, config).algorithm.precision == "bf16"
-    assert computed_as_begun(folder / "another", config).algorithm.precision == "fp32"
 
 
 def test_a_folder_of_another_precision_than_the_one_that_is_set_is_refused(begun_in_bf16):
