@@ -220,9 +220,9 @@ def cost_function(
     if mismatch is None:
         mismatch = MISMATCH if mode == "exact" else REFERENCE_MISMATCH
     checks.require_size(what, "mismatch", mismatch)
-    if mode == "reference":
-        return lambda x, y: reference_costs(x, y, mismatch)
     types = entity_types(a, b)
+    if mode == "reference":
+        return lambda x, y: reference_costs(x, y, types, mismatch)
     if mode == "paper":
         return lambda x, y: paper_costs(x, y, types, mismatch)
     units = Units.checked(what, (a, b), scale, factors)
@@ -240,14 +240,13 @@ def exact_costs(a: Levels, b: Levels, types: Sequence[type[Entity]], units: Unit
     return costs
 
 
-def reference_costs(a: Levels, b: Levels, mismatch: float = REFERENCE_MISMATCH) -> np.ndarray:
+def reference_costs(a: Levels, b: Levels, types: Sequence[type[Entity]], mismatch: float) -> np.ndarray:
     """Squared distances of levels in mode ``reference``, float64 ``[len(a), len(b)]``; see :func:`w2`.
 
     A type is a list of factors; the entities that have all of them belong to it. With the built-in entities these are
     objects (18 numbers) and tiles (7 numbers).
     """
     costs = np.zeros((len(a), len(b)))
-    types = entity_types(a, b)
     for factors in dict.fromkeys(reference_factors(t) for t in types):
         members = [t for t in types if set(factors) <= set(reference_factors(t))]
         of_a, of_b = (gather(levels, members, factors, levels.sampled_values) for levels in (a, b))

@@ -10,9 +10,10 @@ import pytest
 from scipy.spatial.distance import pdist
 
 import segar
-from segar import Bumper, Charger, GolfBall, Gravity, Levels, Magnet, Parameter, Position
+from segar import Bumper, Charger, GolfBall, Gravity, Levels, Magnet, Parameter, Position, Thing
 from segar.errors import LevelError
-from segar.metrics import cost_matrix, decompose, embed, mmd_test, spread, w2, w2_debiased, w2_sliced
+from segar.metrics import cost_matrix, decompose, embed, mmd_test, spread, w2, w2_debiased, w2_report, w2_sliced
+from segar.metrics.wasserstein import resampled
 
 FAMILIES = ("empty-hard", "objectsx2-hard", "tilesx3-medium", "puttputt")
 UNIT = {(GolfBall, Position): 1.0}
@@ -169,6 +170,19 @@ def test_the_debiased_square_is_near_zero_for_one_distribution_and_near_the_dist
     other = w2_debiased(levels("empty-hard", 30), levels("empty-medium", 40), rng=rng())
     assert other.square > 4 * other.standard_error and other.debiased < other.value
     assert other == w2_debiased(levels("empty-hard", 30), levels("empty-medium", 40), rng=rng())
+
+
+def test_a_report_by_the_reference_deals_levels_by_the_types_of_both_sets():
+    """A post has the factors that balls share with it, so it makes a type of balls that the other set alone does not have."""
+
+    class Post(Thing): ...
+
+    with_post = [[ball, Post({Position: [0.5, 0.5]})] for ball in (GolfBall({Position: [0.1, 0]}), GolfBall())]
+    a = Levels.from_entities([[GolfBall({Position: [x, 0.0]})] for x in (-0.9, 0.0, 0.9)])
+    pooled = Levels.from_entities([[GolfBall({Position: [x, 0.0]})] for x in (-0.9, 0.0, 0.9)] + with_post)
+    report = w2_report(a, Levels.from_entities(with_post), "reference", rng=rng(), resamples=20)
+    same = resampled(cost_matrix(pooled, pooled, "reference"), 3, rng(), 20)
+    assert (report.value, report.floor, report.p_value) == pytest.approx((same.value, same.floor, same.p_value))
 
 
 def test_the_floor_falls_with_the_number_of_levels():
