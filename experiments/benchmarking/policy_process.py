@@ -82,8 +82,7 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
     def __call__(self, observations: Any) -> np.ndarray:
         """Actions float32 ``(n, action size)``."""
         n = len(next(leaves(observations)))
-        for place, given in zip(leaves(self._observed), leaves(observations), strict=True):
-            place[:n] = given
+        map_leaves(lambda place, given: np.copyto(place[:n], given), self._observed, observations)
         self._ask("act", n)
         return self._acted[:n].copy()
 

@@ -1,12 +1,13 @@
 """Episodes as Minari has them: what was observed and done, and the true factors beside it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from segar.envs import Policy, TimeStep, VectorEnv, play
+from segar.observations import map_leaves
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Episode:
         return len(self.rewards)
 
 
-def roll_out(env: VectorEnv, levels: np.ndarray, seed: int, policy: Policy) -> list[Episode]:
+def roll_out(env: VectorEnv, levels: np.ndarray, seed: int, policy: Policy) -> Iterator[Episode]:
     """One episode in each environment, or all trials of its level, environment by environment.
 
     Args:
@@ -48,11 +49,9 @@ def roll_out(env: VectorEnv, levels: np.ndarray, seed: int, policy: Policy) -> l
         ends[now.ended, now.trial[now.ended]] = now.time
         steps.append(now)
     starts = np.concatenate([np.zeros((env.num_envs, 1), np.int64), ends[:, :-1]], axis=1)
-    found = []
     for e, k in np.ndindex(ends.shape):
         options = {"level": int(levels[e]), "seed": seed, "environment": e} | ({"trial": k} if env.trials > 1 else {})
-        found.append(episode_of(env, steps[starts[e, k] : ends[e, k] + 1], e, options))
-    return found
+        yield episode_of(env, steps[starts[e, k] : ends[e, k] + 1], e, options)
 
 
 def episode_of(env: VectorEnv, steps: Sequence[TimeStep], row: int, options: dict[str, Any]) -> Episode:
@@ -78,9 +77,4 @@ def episode_of(env: VectorEnv, steps: Sequence[TimeStep], row: int, options: dic
 
 def stacked(trees: Sequence[Any], row: int) -> Any:
     """A row of arrays in equal tuples or dicts, stacked."""
-    first = trees[0]
-    if isinstance(first, Mapping):
-        return {name: stacked([tree[name] for tree in trees], row) for name in first}
-    if isinstance(first, tuple):
-        return tuple(stacked([tree[k] for tree in trees], row) for k in range(len(first)))
-    return np.stack([array[row] for array in trees])
+    return map_leaves(lambda *arrays: np.stack([array[row] for array in arrays]), *trees)

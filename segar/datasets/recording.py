@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from segar.datasets.episodes import Episode, roll_out
 from segar.datasets.recipe import KEY, LEVELS, Recipe, fingerprint_text, hash_of_kernel, reading, recipe_from, recipe_of
-from segar.envs import REWARDS, Policy, VectorEnv
+from segar.envs import REWARDS, Policy, VectorEnv, play
 from segar.errors import SegarError
 from segar.evaluation import require_options
 from segar.levels import Levels, family, hash_of_levels
@@ -27,6 +28,7 @@ RECIPE = "recipe.json"
 DATA = "data"  # the folder within that of a dataset in which Minari keeps everything
 UNFINISHED = ".segar-recording"  # in Minari's folder; Minari does not list hidden ones
 UNIFORM = "uniform"
+SAME_ACTION = 1e-3  # a network gives the same actions up to far less on every machine
 EPISODE_BYTES = 2**17  # that an episode takes in HDF5 beside its arrays, at most
 ADVICE = "make room and record again, which goes on after the last complete batch"
 
@@ -71,7 +73,8 @@ def record(
 
     Raises:
         SegarError: Minari is not installed, the name is none of a Minari dataset, an option is unknown, another process
-            records this dataset, one of that name has other settings (the message names them), or a file cannot be written.
+            records this dataset, one of that name has other settings (the message names them), or was begun by a policy that
+            takes other first actions, or a file cannot be written.
     """
     for name, value in (("episodes", episodes), ("batch", batch)):
         if not is_whole(value) or value < 1:
@@ -100,24 +103,30 @@ def record(
         episodes=episodes,
         batch=max(batch // one.trials, 1) * one.trials,
     )
+
+    def batch_of(number: int) -> tuple[VectorEnv, np.ndarray, int, Policy]:
+        players = recipe.numbers()[number][:: recipe.trials]
+        env = VectorEnv(levels, len(players), seed=seed, **options)
+        acts = _uniform(env, [seed, number]) if policy is None else policy
+        return env, np.array(players) // recipe.trials % len(levels), recipe.seed_of(number), acts
+
     if target.exists():
+        where = f"there is a Minari dataset '{dataset_id}' already, in {target},"
         with reading(target):
             found = minari.load_dataset(dataset_id)
-        recipe_of(found).require_same(recipe, f"there is a Minari dataset '{dataset_id}' already, in {target},")
+        recipe_of(found).require_same(recipe, where)
+        _require_policy(found.iterate_episodes(recipe.numbers()[0]), where, *batch_of(0))
         return found
     summary = f"{counted(episodes, 'episode')} of {recipe.task} on {levels!r}, played by {recipe.policy}"
-    by = {"author": {author}, "author_email": {author_email}, "description": description or summary}
     with _unfinished(dataset_id, recipe) as folder:
         parts = []
         for number, numbers in enumerate(recipe.numbers()):
             parts.append(folder / f"batch-{number:05d}")
             if not parts[-1].exists():
-                players = numbers[:: recipe.trials]
-                env = VectorEnv(levels, len(players), seed=seed, **options)
-                played = np.array(players) // recipe.trials % len(levels)
-                acts = _uniform(env, [seed, number]) if policy is None else policy
-                found = roll_out(env, played, recipe.seed_of(number), acts)
+                found = [*roll_out(*batch_of(number))]
                 _write(parts[-1], found, _most_bytes(found), one, None)
+            elif number == 0:
+                _require_policy(_read(parts[0]), f"{folder} holds a recording", *batch_of(0))
             if progress is not None:
                 progress(numbers.stop, episodes)
         whole = folder / DATA
@@ -125,7 +134,8 @@ def record(
         _write(whole, (episode for part in parts for episode in _read(part)), size, one, _spec_of(levels, recipe))
         levels.save(whole / LEVELS)
         facts = {"dataset_id": dataset_id, "minari_version": minari.__version__, "algorithm_name": recipe.policy}
-        MinariStorage.read(whole).update_metadata({**facts, **by, KEY: asdict(recipe)})
+        facts |= {"author": {author}, "author_email": {author_email}, "description": description or summary}
+        MinariStorage.read(whole).update_metadata({**facts, KEY: asdict(recipe)})
         target.mkdir(parents=True)
         os.replace(whole, target / DATA)
         _list_group(dataset_id.rpartition("/")[0])
@@ -136,6 +146,14 @@ def _uniform(env: VectorEnv, seeds: list[int]) -> Policy:
     """The policy that draws from all actions uniformly."""
     space, rng = env.action_space, np.random.default_rng(seeds)
     return lambda observations: rng.uniform(space.low, space.high)  # type: ignore[attr-defined]
+
+
+def _require_policy(recorded: Iterable[Any], where: str, env: VectorEnv, played: Any, seed: int, policy: Any) -> None:
+    """Raise :class:`SegarError` unless a batch begins with the recorded actions: two policies may have one name."""
+    _, first = islice(play(env, policy, env.reset(seed=seed, options={"levels": played})), 2)
+    there = np.stack([one.actions[0] for one in islice(recorded, 0, None, env.trials)])
+    if not np.allclose(np.clip(first.action, env.action_range.low, env.action_range.high), there, atol=SAME_ACTION):
+        raise SegarError(f"{where} by another policy of that name; choose another name or version")
 
 
 def _place(dataset_id: str) -> Path:
@@ -227,9 +245,8 @@ def _spec_of(levels: Levels, recipe: Recipe) -> EnvSpec | None:
     suffixes = {f"puttputt-{reward}": suffix for suffix, reward in REWARDS.items()}
     suffix = "" if origin.name in TASKS else suffixes.get(recipe.task)
     id_ = f"Segar-{origin.name}-{recipe.observation}{suffix}-v0"
-    if suffix is None or id_ not in gymnasium.registry or not np.array_equal(origin.indices, np.arange(n)):
-        return None
-    if origin.distribution != family(str(origin.name)).hash:
+    is_of_id = suffix is not None and id_ in gymnasium.registry and np.array_equal(origin.indices, np.arange(n))
+    if not is_of_id or origin.distribution != family(str(origin.name)).hash:
         return None
     spec = gymnasium.spec(id_)
     options = {"num_levels": n, "seed": origin.seed, "split": origin.split}

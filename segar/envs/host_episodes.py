@@ -17,7 +17,7 @@ from segar.envs.snapshots import Snapshot, trial_info
 from segar.errors import LevelError
 from segar.language import Factor, FloorFriction, Mobile, Parameter, Size
 from segar.levels import Levels, check_crossings
-from segar.observations import Observation, copy_rows, hooks_of, leaves, map_leaves, recall_array, simulator_reads
+from segar.observations import Observation, copy_rows, hooks_of, map_leaves, recall_array, simulator_reads
 from segar.rendering import Camera
 from segar.support import Team
 
@@ -321,8 +321,7 @@ class HostEpisodes:
     def _final(self, observations: Any, ended: np.ndarray, last: dict[str, Any]) -> dict[str, Any]:
         """The last observations and info of episodes that ended, in full-sized arrays with masks."""
         final_obs, present = self._buffers.final_output(ended), np.zeros(self.num_envs, np.bool_)
-        for final, array in zip(leaves(final_obs), leaves(observations), strict=True):
-            copy_rows(array, final, ended)
+        map_leaves(lambda array, final: copy_rows(array, final, ended), observations, final_obs)
         present[ended] = True
         final_info = with_masks(map_leaves(lambda array: _at_rows(array, ended), last), present)
         return {"final_obs": final_obs, "_final_obs": present, "final_info": final_info, "_final_info": present.copy()}

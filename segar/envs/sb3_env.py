@@ -108,7 +108,6 @@ class SB3VecEnv(VecEnv):
     def _describe_ends(self, infos: list[dict[str, Any]], ended: np.ndarray, terminated: np.ndarray) -> None:
         """Fill the infos of the environments whose episodes ended."""
         last, final = self.info["final_obs"], self.info["final_info"]
-        trials = final["trial"] if self.vector_env.trials > 1 else None
         seconds = round(time.time() - self._began, 6)
         for e in ended.tolist():
             infos[e] = {
@@ -119,8 +118,8 @@ class SB3VecEnv(VecEnv):
                 "is_success": bool(final["success"][e]),
                 "death": bool(final["death"][e]),
             }
-            if trials is not None:
-                infos[e]["trial"] = int(trials[e])
+            if self.vector_env.trials > 1:
+                infos[e]["trial"] = int(final["trial"][e])
 
     def close(self) -> None:
         """Close the window, if there is one."""

@@ -195,8 +195,7 @@ def resampled(pooled: np.ndarray, n: int, rng: np.random.Generator, resamples: i
         deal = rng.permutation(n + m)
         dealt.append(np.sqrt(emd(pooled[np.ix_(deal[:n], deal[n:])])))
     p_value = float((1 + sum(d >= (1 - SAME) * value for d in dealt)) / (1 + resamples))
-    low = float(np.maximum(value - margin, 0.0))
-    return Resampled(value, low, value + margin, float(np.mean(dealt)), p_value, resamples)
+    return Resampled(value, max(value - margin, 0.0), value + margin, float(np.mean(dealt)), p_value, resamples)
 
 
 def cost_function(

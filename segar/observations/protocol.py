@@ -211,10 +211,11 @@ def leaves(tree: Any) -> Iterator[Any]:
         yield tree
 
 
-def map_leaves(function: Callable[[Any], Any], tree: Any) -> Any:
-    """The same tuples and dicts with ``function`` of each of the :func:`leaves` in its place."""
+def map_leaves(function: Callable[..., Any], tree: Any, *others: Any) -> Any:
+    """The same tuples and dicts with ``function`` of each of the :func:`leaves` in its place; of those in equal places where
+    there are several trees of one form."""
     if isinstance(tree, dict):
-        return {name: map_leaves(function, part) for name, part in tree.items()}
+        return {name: map_leaves(function, part, *(other[name] for other in others)) for name, part in tree.items()}
     if isinstance(tree, tuple):
-        return tuple(map_leaves(function, part) for part in tree)
-    return function(tree)
+        return tuple(map_leaves(function, *parts) for parts in zip(tree, *others, strict=True))
+    return function(tree, *others)

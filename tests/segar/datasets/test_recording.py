@@ -211,15 +211,39 @@ def test_a_recording_that_was_killed_goes_on_to_the_same_bits(levels, root):
         record("killed-v0", levels, Counting(), **OPTIONS, seed=1)
     seen, policy = [], Counting()
     again = record("killed-v0", levels, policy, **OPTIONS, progress=lambda done, of: seen.append((done, of)))
-    assert policy.calls <= 2 * 9 and seen == [(3, 7), (6, 7), (7, 7)]
+    assert policy.calls <= 2 * 9 + 1 and seen == [(3, 7), (6, 7), (7, 7)]
     for one, other in zip(whole, again, strict=True):
         names = ("observations", "actions", "rewards", "terminations", "truncations", "infos")
         assert_same(*([getattr(episode, name) for name in names] for episode in (one, other)))
     assert options_in(again) == options_in(whole) and recipe_of(again) == recipe_of(whole)
     assert (
-        len(record("killed-v0", levels, policy, **OPTIONS)) == 7 and policy.calls <= 2 * 9
+        len(record("killed-v0", levels, policy, **OPTIONS)) == 7 and policy.calls <= 2 * 9 + 2
     )  # nothing was left to record
     assert not [*(root / ".segar-recording").rglob("*.hdf5")]
+
+
+@pytest.mark.parametrize("is_complete", [True, False])
+def test_another_policy_of_the_same_name_is_refused(levels, is_complete):
+    """The second agent of a class must not get the episodes of the first one, nor add its own to them."""
+
+    class Agent:
+        def __init__(self, push: float, steps: int) -> None:
+            self.push, self.steps = push, steps
+
+        def __call__(self, observations):
+            self.steps -= 1
+            if self.steps < 0:
+                raise KeyboardInterrupt
+            return np.full((len(observations), 2), self.push, np.float32)
+
+    if is_complete:
+        record("agent-v0", levels, Agent(0.1, 99), **OPTIONS)
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            record("agent-v0", levels, Agent(0.1, 12), **OPTIONS)
+    with pytest.raises(segar.SegarError, match="by another policy of that name; choose another name"):
+        record("agent-v0", levels, Agent(0.2, 99), **OPTIONS)
+    assert len(record("agent-v0", levels, Agent(0.1, 99), **OPTIONS)) == 7
 
 
 def test_a_full_disk_is_told_before_hdf5_crashes_on_it(levels, root, monkeypatch):
