@@ -44,8 +44,8 @@ def levels_of_entities(
 
 
 def _check_entities(levels: Sequence[Sequence[Entity]]) -> None:
-    if not len(levels) or not all(len(entities) for entities in levels):
-        raise LevelError("from_entities needs at least one level, and at least one entity in each")
+    if not len(levels) or not all(hasattr(entities, "__len__") and len(entities) for entities in levels):
+        raise LevelError("from_entities: give at least one level, each a list of at least one entity: [[GolfBall()]]")
     for i, entities in enumerate(levels):
         for entity in entities:
             where = f"level {i}: {entity!r}"

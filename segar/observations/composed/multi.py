@@ -35,7 +35,7 @@ def make_observation(observation: ObservationLike) -> Observation:
         return OBSERVATIONS[observation]()
     if isinstance(observation, (tuple, list, Mapping)):
         return Multi(observation)
-    if not hasattr(observation, "bind"):
+    if isinstance(observation, type) or not hasattr(observation, "bind"):
         names = ", ".join(f"'{name}'" for name in OBSERVATIONS)
         raise SegarError(f"observation must be {names}, a tuple or dict, or an object with bind(), not {observation!r}")
     return cast("Observation", observation)

@@ -57,7 +57,7 @@ def frame_space(resolution: int, grey: bool, channels: Channels) -> gymnasium.sp
 
 def check_frame(who: str, resolution: int, channels: str) -> None:
     """Refuse frames that are not whole 64-bit words, and unknown orders of channels; raises :class:`SegarError`."""
-    if resolution % 4 or not 32 <= resolution <= 256:
+    if resolution not in range(32, 257, 4):
         raise SegarError(f"{who}: resolution must be a multiple of 4 from 32 to 256, not {resolution!r}")
     if channels not in CHANNELS:
         raise SegarError(f"{who}: channels {must_be(channels, CHANNELS)}")

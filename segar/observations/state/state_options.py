@@ -25,7 +25,7 @@ def factors_of(
         FactorError: one is no factor, is of the other kind, has no number, or no factor is called so.
     """
     found: list[type[Factor]] = []
-    for one in [given] if isinstance(given, str) else given:
+    for one in [given] if isinstance(given, str | type) else given:
         for factor in _called(where, one, kind) if isinstance(one, str) else [one]:
             if not (isinstance(factor, type) and issubclass(factor, Factor)):
                 raise FactorError(f"{where}: {one!r} is not a factor")
@@ -139,7 +139,7 @@ class StateOptions:
         """
 
         def classes(option: str, given: Iterable[Any], kind: type[Factor] | None) -> tuple[Any, ...]:
-            given = [given] if isinstance(given, str) else given
+            given = [given] if isinstance(given, str | type) else given
             return tuple(f for one in given for f in _of_levels(f"StateVector: {option}", one, kind, layout))
 
         scale = {f: value for one, value in self.scale.items() for f in classes("scale", [one], None)}

@@ -207,6 +207,7 @@ def test_levels_by_hand_may_have_different_numbers_of_entities():
     ("make", "message"),
     [
         (lambda: Levels.from_entities([]), "at least one level"),
+        (lambda: Levels.from_entities([Ball(), Ball()]), r"each a list of at least one entity: \[\[GolfBall"),  # type: ignore
         (lambda: Levels.from_entities([[Ball]]), "is not an entity"),
         (lambda: Levels.from_entities([[segar.Entity({Mass: 1.0})]]), "declare a sub-class of Entity"),
         (lambda: Levels.from_entities([[segar.language.GlobalFriction()]]), "FloorFriction"),

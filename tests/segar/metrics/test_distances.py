@@ -10,8 +10,9 @@ import pytest
 from scipy.spatial.distance import pdist
 
 import segar
-from segar import Bumper, Charger, GolfBall, Gravity, Levels, Magnet, Parameter, Position, Thing
+from segar import Bumper, Charger, GolfBall, Gravity, Levels, Magnet, Parameter, Position
 from segar.errors import LevelError
+from segar.language import Thing
 from segar.metrics import cost_matrix, decompose, embed, mmd_test, spread, w2, w2_debiased, w2_report, w2_sliced
 from segar.metrics.wasserstein import resampled
 

@@ -10,10 +10,36 @@ import pytest
 
 import segar
 from segar.envs import VectorEnv
-from segar.observations import Multi, OneOf, PreviousActions, Stack, StateVector, TexturedPixels, draws_per_episode
+from segar.observations import (
+    Multi,
+    OneOf,
+    Pixels,
+    PreviousActions,
+    Stack,
+    StateVector,
+    TexturedPixels,
+    draws_per_episode,
+)
 
 LEVELS = segar.family("objectsx1-hard").sample(4, seed=0)
 HOOKS = ("forget", "start", "advance", "rewarded", "memory", "recall")
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: VectorEnv(LEVELS, 1, observation=StateVector), r"an object with bind\(\), not <class"),  # type: ignore
+        (lambda: Pixels("64"), "Pixels: resolution must be a multiple of 4 from 32 to 256, not '64'"),  # type: ignore
+    ],
+)
+def test_what_looks_like_an_observation_is_refused_by_its_name(make, message):
+    with pytest.raises(segar.SegarError, match=message):
+        make()
+
+
+def test_one_factor_may_stand_for_a_list_of_one():
+    one, several = (VectorEnv(LEVELS, 1, observation=StateVector(hidden=h)) for h in (segar.Mass, [segar.Mass]))  # type: ignore
+    assert one.observation.names == several.observation.names and "golfball.Mass" not in one.observation.names  # type: ignore
 
 
 class Recorder:
