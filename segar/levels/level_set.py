@@ -118,7 +118,13 @@ class Levels(LevelData, ShownInNotebooks):
             FORMAT.write(path, arrays, description_of(self))
 
     def with_parameters(self, parameters: np.ndarray) -> Levels:
-        """The same levels with other world parameters, float64 ``(n, P)``, which their floors follow."""
+        """The same levels with other world parameters, float64 ``(n, P)``, which their floors follow; raises
+        :class:`LevelError` for another shape."""
+        if np.shape(parameters) != self.parameters.shape:
+            names = ", ".join(one.__name__ for one in self.layout.parameters)
+            raise LevelError(
+                f"with_parameters needs {self.parameters.shape} numbers ({names}), not {np.shape(parameters)}"
+            )
         values = self.values.copy()
         self.layout.set_floor(values, parameters)
         return dataclasses.replace(self, values=values, parameters=parameters)
@@ -142,7 +148,7 @@ class Levels(LevelData, ShownInNotebooks):
             if not -n <= index < n:
                 raise IndexError(f"level {index} is not among these {n} levels")
             index = [int(index)]
-        if not isinstance(index, slice) and not len(index):
+        if not isinstance(index, slice) and not np.size(index):
             index = slice(0)  # an empty list has no dtype
         picked: np.ndarray = np.arange(n)[index]
         if picked.ndim != 1 or not len(picked):

@@ -7,6 +7,7 @@ import numpy as np
 
 from segar.errors import LevelError
 from segar.language import Order, Position, Size
+from segar.levels.checks import require_generator
 from segar.levels.distribution import LevelDistribution
 from segar.levels.level_data import LEVEL_ARRAYS, OUTLINE, LevelData, Provenance
 from segar.levels.level_set import Levels
@@ -54,6 +55,7 @@ def mutate(levels: Levels, rng: np.random.Generator, changes: int = 1) -> Levels
 
     Raises:
         LevelError: the levels know no distribution; it draws nothing; or a level admits no change.
+        SegarError: ``rng`` is no generator.
         PriorError: the distribution has no ``log_prob``, see :meth:`segar.LevelDistribution.log_prob`.
     """
     distribution = levels.distribution
@@ -61,6 +63,7 @@ def mutate(levels: Levels, rng: np.random.Generator, changes: int = 1) -> Levels
         raise LevelError(
             f"{levels!r} know no distribution from which factors could be drawn anew; sample levels from one"
         )
+    require_generator("mutate", rng)
     if not is_whole(changes) or changes < 1:
         raise LevelError(f"changes must be a whole number above 0, not {changes!r}")
     sites = mutable_sites(distribution.plan)

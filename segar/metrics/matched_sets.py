@@ -58,6 +58,7 @@ def matched_set(
     """
     checks.require_distribution("matched_set", dist)
     checks.require_levels("matched_set", test)
+    checks.require_size("matched_set", "tolerance", tolerance)
     wanted = np.array([w2, radius, effective_number], np.float64)
     if not np.isfinite(wanted).all() or not 0 < tolerance < np.inf:
         raise LevelError(

@@ -52,12 +52,17 @@ def puttputt(
         death_penalty: subtracted in the step in which the ball dies.
 
     Raises:
-        SegarError: unknown reward, or a number that is not finite.
+        SegarError: unknown reward, a number that is not finite, or a distance or speed below 0.
     """
     if reward not in ("squared", "linear"):
         raise SegarError(f"puttputt has no reward '{reward}'.{did_you_mean(reward, ('squared', 'linear'))}")
     sizes = {"impulse": impulse, "goal_distance": goal_distance, "death_penalty": death_penalty}
     require_finite("puttputt", **sizes, **({} if goal_speed is None else {"goal_speed": goal_speed}))
+
+    if min(goal_distance, goal_speed or 0) < 0:
+        raise SegarError(
+            f"puttputt: no ball arrives at goal_distance={goal_distance!r}, goal_speed={goal_speed!r}: at least 0"
+        )
 
     def push(ball: GolfBall, action: Action) -> SetFactor[Velocity]:
         if ball[Mass] == 0:

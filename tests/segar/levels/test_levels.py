@@ -164,6 +164,14 @@ def test_an_index_beyond_the_levels_is_an_error():
         levels[[]]
     with pytest.raises(LevelError, match="at least one"):
         levels[5:]
+    with pytest.raises(IndexError, match="only integers"):
+        levels[1.0]
+
+
+def test_parameters_of_another_shape_are_refused():
+    levels = family("empty-hard").sample(3)
+    with pytest.raises(LevelError, match=r"with_parameters needs \(3, 7\) numbers \(Gravity, .*\), not \(2, 7\)"):
+        levels.with_parameters(levels.parameters[:2])
 
 
 def test_levels_differ_when_any_bit_differs():

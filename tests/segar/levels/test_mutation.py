@@ -114,6 +114,8 @@ def test_levels_that_cannot_be_mutated_say_why():
         mutate(dataclasses.replace(levels, distribution=None), np.random.default_rng(0))
     with pytest.raises(LevelError, match="changes must be a whole number above 0"):
         mutate(levels, np.random.default_rng(0), 0)
+    with pytest.raises(segar.SegarError, match="mutate: rng must be a generator"):
+        mutate(levels, 0)  # type: ignore
     fixed = segar.LevelDistribution(
         numbers=[(segar.GolfBall, 1)],
         priors=[segar.Prior(Position, [0.0, 0.0]), segar.Prior(Mass, segar.noise.Choice([2.0]))],

@@ -52,5 +52,7 @@ def test_what_cannot_be_had_is_told_with_what_was_reached():
         matched_set(dist, 5, test=test, w2=-40.0, pool=200)
     with pytest.raises(LevelError, match="tolerance above 0"):
         matched_set(dist, 5, test=test, tolerance=0.0)
+    with pytest.raises(LevelError, match="tolerance must be a finite number of at least 0, not '1'"):
+        matched_set(dist, 5, test=test, tolerance="1")  # type: ignore
     with pytest.raises(LevelError, match="effective_number is the same for all sets of 1 levels"):
         matched_set(dist, 1, test=test)

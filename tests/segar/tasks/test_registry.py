@@ -106,6 +106,12 @@ def test_an_action_range_of_unequal_lengths_is_refused_with_both():
         dataclasses.replace(segar.puttputt(), action_low=(-2.0,), action_high=(5.0, 1.0))
 
 
+@pytest.mark.parametrize("option", ["goal_distance", "goal_speed"])
+def test_a_goal_that_no_ball_reaches_is_refused(option):
+    with pytest.raises(SegarError, match=f"no ball arrives at .*{option}=-1"):
+        segar.puttputt(**{option: -1})
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, None, "2"])
 @pytest.mark.parametrize("task", ["puttputt", "invisiball", "billiards"])
 @pytest.mark.parametrize("option", ["impulse", "death_penalty", "goal_distance", "goal_speed"])
