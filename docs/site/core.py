@@ -1,9 +1,8 @@
 """The core of suites that the rules of decisions 0041 and 0050 choose, from success on frozen test levels.
 
-``python docs/site/core.py`` reads ``docs/results/core/scores.csv``, and for what the rows of the benchmark have played already
-``docs/results/benchmark/scores.csv``; ``panel.csv``, what ``segar benchmark panel=true`` found on the five suites that it had
-not played; and ``by_time.csv``, the runs of decision 0051. It writes ``suites.csv``, ``core.png`` and the page ``findings.md``
-beside the former.
+``python docs/site/core.py`` reads ``docs/results/core/scores.csv``, by which the core was chosen; ``panel.csv``, what ``segar
+benchmark panel=true`` found on the five suites that it had not played; and ``by_time.csv``, the runs of decision 0051. It
+writes ``suites.csv``, ``core.png`` and the page ``findings.md`` beside them.
 """
 
 from pathlib import Path
@@ -28,9 +27,7 @@ from segar.analysis.stats.estimate import mean_of_replicates
 from segar.analysis.stats.ranking import MOST_SUITES, Generalizability, generalizability, places
 from segar.suites import outline
 
-RESULTS = Path(__file__).parents[1] / "results"
-FOLDER = RESULTS / "core"
-ROWS = RESULTS / "benchmark" / "scores.csv"
+FOLDER = Path(__file__).parents[1] / "results" / "core"
 LEARNERS = {
     "imitation": "imitation",
     "ppg_fast-state-laptop": "PPG",
@@ -40,7 +37,6 @@ LEARNERS = {
     "sac_fast-state-laptop": "SAC",
     "tqc": "TQC",
 }
-NOT_ASKED = "sight-mass-v1"  # it has the test levels of property-heavy
 FIRST_HALF, SECOND_HALF = range(1, 6), range(6, 11)  # seeds by which the core is chosen; and by which it is confirmed
 OF_THEIR_KIND = (("place-pockets-v1",), ("sight-ball-v1",), ("goal-bank-v1", "goal-errand-v1"))
 FEWEST, MOST, TOO_EASY = 12, 14, 0.95
@@ -49,10 +45,8 @@ SPREAD = 0.7  # of the width of a suite, over which learners stand side by side
 
 
 def scores() -> pd.DataFrame:
-    """One line per learner, suite and seed, of the suites that all of them played; the table of the study counts first."""
-    both = pd.concat([pd.read_csv(FOLDER / "scores.csv"), pd.read_csv(ROWS)]).drop_duplicates(KEYS)
-    both = both[both["row"].isin(LEARNERS) & (both["suite"] != NOT_ASKED)].sort_values(KEYS, ignore_index=True)
-    return both[both.groupby("suite")["row"].transform("nunique") == len(LEARNERS)].replace({"row": LEARNERS})
+    """One line per learner, suite and seed; none on ``sight-mass-v1``, which has the test levels of ``property-heavy-v1``."""
+    return pd.read_csv(FOLDER / "scores.csv").replace({"row": LEARNERS}).sort_values(KEYS, ignore_index=True)
 
 
 def halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, int]:
@@ -211,9 +205,8 @@ needs a lower end of {trusted}. On all {candidates} candidates it is {all}.
 The rules are those of decisions [0041](../../decisions/0041-how-a-core-of-suites-is-chosen.md) and
 [0050](../../decisions/0050-a-core-in-nine-hours.md), which were written before the runs on the nine suites that are new here.
 Outcome is success above chance on the frozen test levels, (s - random) / (planner - random). Every learner saw states and
-200,000 frames on each suite with each seed. `python docs/site/core.py` makes this page from [`scores.csv`](scores.csv) and,
-for seeds 1 to 5 on the ten suites of the old core, from [`../benchmark/scores.csv`](../benchmark/scores.csv); `make
-check-results` makes it again.
+200,000 frames on each suite with each seed. `python docs/site/core.py` makes this page from [`scores.csv`](scores.csv), which
+does not follow later rows of the benchmark; `make check-results` makes it again.
 
 Of the players that admit a suite, the planner solves all frozen test levels of `goal-faster-v1`, `kind-swapped-v1`,
 `place-other-way-v1`, `property-light-v1` and `sight-charge-v1`, and random play 0.13 to 0.15 of them. On 1,000 drawn levels of
