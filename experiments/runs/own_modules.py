@@ -18,7 +18,6 @@ OURS = "segar"
 OUR_FOLDERS = tuple((Path(segar.__file__).parent / name).resolve() for name in ("", "experiments", "analysis"))
 # Where a learner's own code ends: what these rooms do decides no weight.
 LEARNING = tuple(f"segar.experiments.{room}" for room in ("algorithms", "collection", "curricula", "networks"))
-PROBES = "segar.analysis.probes"
 MODULE_PATH = "module_path"
 NO_CODE = ("tracking", "root", "folder", MODULE_PATH)  # settings that name nothing which is imported
 
@@ -128,23 +127,24 @@ def modules_reached(module: str) -> dict[str, Path]:
     """Name and file of ``module`` and of what it imports of its own package, of ``segar``, and of code that is not installed,
     such as modules that lie beside it; nothing is imported here.
 
-    Of ``segar``, only what learns or probes counts.
+    Of ``segar``, only what learns counts, and where ``module`` is one of it, the room in which that lies.
     """
     found: dict[str, Path] = {}
-    waiting = [module]
+    waiting, (room, _, _) = [module], module.rpartition(".")
+    rooms = (*LEARNING, room) if room.startswith(OURS) else LEARNING
     while waiting:
         name = waiting.pop()
-        path = None if name in found else source_reached(name, module.partition(".")[0])
+        path = None if name in found else source_reached(name, module.partition(".")[0], rooms)
         if path is not None:
             found[name] = path
             waiting += imported_by(name, path)
     return found
 
 
-def source_reached(module: str, package: str) -> Path | None:
+def source_reached(module: str, package: str, rooms: tuple[str, ...] = LEARNING) -> Path | None:
     """The file of a module that a module of ``package`` imports; None where it does not count: see :func:`modules_reached`."""
     top = module.partition(".")[0]
-    if top in sys.stdlib_module_names or (top == OURS and not module.startswith((*LEARNING, PROBES))):
+    if top in sys.stdlib_module_names or (top == OURS and not module.startswith(rooms)):
         return None
     path = source_of(module)
     return None if path is None or (top not in (package, OURS) and is_installed(path)) else path

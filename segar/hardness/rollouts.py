@@ -57,6 +57,8 @@ def make_starts(levels: Levels, task: Task | None = None, seed: int = 0, num_thr
         SegarError: there are no levels, or they do not fit the task.
     """
     checks.require_levels("hardness", levels)
+    if task is not None and not isinstance(task, Task):
+        raise SegarError(f"hardness: task must be a segar.Task such as segar.puttputt(), not {task!r}")
     env = VectorEnv(levels, max(len(levels), 1), task=task, seed=seed, num_threads=num_threads)
     env.reset(options={"levels": np.arange(len(levels))})
     return Starts(levels, env.task, env.simulator, env.state().state, seed)

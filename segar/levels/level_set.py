@@ -120,11 +120,10 @@ class Levels(LevelData, ShownInNotebooks):
     def with_parameters(self, parameters: np.ndarray) -> Levels:
         """The same levels with other world parameters, float64 ``(n, P)``, which their floors follow; raises
         :class:`LevelError` for another shape."""
-        if np.shape(parameters) != self.parameters.shape:
+        shape = (len(self.values), len(self.layout.parameters))
+        if np.shape(parameters) != shape:
             names = ", ".join(one.__name__ for one in self.layout.parameters)
-            raise LevelError(
-                f"with_parameters needs {self.parameters.shape} numbers ({names}), not {np.shape(parameters)}"
-            )
+            raise LevelError(f"with_parameters needs {shape} numbers ({names}), not {np.shape(parameters)}")
         values = self.values.copy()
         self.layout.set_floor(values, parameters)
         return dataclasses.replace(self, values=values, parameters=parameters)
