@@ -60,7 +60,7 @@ def matched_set(
     checks.require_levels("matched_set", test)
     checks.require_size("matched_set", "tolerance", tolerance)
     wanted = np.array([w2, radius, effective_number], np.float64)
-    if not np.isfinite(wanted).all() or not 0 < tolerance < np.inf:
+    if not np.isfinite(wanted).all() or tolerance == 0:
         raise LevelError(
             f"matched_set: what is wanted must be finite and the tolerance above 0, not {wanted.tolist()} and {tolerance!r}"
         )

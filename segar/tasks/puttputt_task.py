@@ -58,7 +58,6 @@ def puttputt(
         raise SegarError(f"puttputt has no reward '{reward}'.{did_you_mean(reward, ('squared', 'linear'))}")
     sizes = {"impulse": impulse, "goal_distance": goal_distance, "death_penalty": death_penalty}
     require_finite("puttputt", **sizes, **({} if goal_speed is None else {"goal_speed": goal_speed}))
-
     if min(goal_distance, goal_speed or 0) < 0:
         raise SegarError(
             f"puttputt: no ball arrives at goal_distance={goal_distance!r}, goal_speed={goal_speed!r}: at least 0"
