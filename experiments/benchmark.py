@@ -52,6 +52,7 @@ from typing import Any
 from omegaconf import DictConfig
 
 from segar.cli import table
+from segar.errors import SegarError
 from segar.experiments.benchmarking.drawn import DrawTask, draw_piece
 from segar.experiments.benchmarking.panel import PANEL, PanelTask, network_for, play_panel, read_panel
 from segar.experiments.benchmarking.players import PlayerTask, action_file, make_piece, onnx_file
@@ -418,8 +419,8 @@ def verify_rows(config: BenchmarkConfig) -> None:
         began = time.monotonic()
         try:
             count = verify(row, suites, say=partial(print, flush=True), trusted=config.trusted, salt=config.salt)
-        except RunFolderError as error:
-            refused.append(str(error))
+        except SegarError as error:
+            refused.append(f"row {row.method.name}: {error}")
             continue
         took = in_minutes(time.monotonic() - began)
         print(f"row {row.method.name}, hash {row.hash}: {count:,} episodes are equal to the bit ({took})", flush=True)

@@ -67,10 +67,8 @@ def verify(
         say(left_out)
     for piece in here:
         of, stated = suite_of(row, piece), recorded.filter([key == (piece.suite, piece.seed) for key in keys])
-        try:
+        with naming(f"{row.folder / ROW}: {piece_name(piece.suite, piece.seed)}", RunFolderError):
             played = replay(method, piece, of, row.folder)
-        except ConfigError as error:  # in the settings of the row
-            raise RunFolderError(f"{row.folder / ROW}: {error}") from error
         _require_same(row, piece, stated, means_of(played) if has_means else played)
         count += len(played)
         means = ", by their means on each level" if has_means else ""

@@ -229,7 +229,7 @@ def test_a_policy_in_onnx_is_carried_and_plays_to_the_bit_without_trust(tmp_path
     row = drawn_here(row)
     assert verify(row) == len(row.episodes()) + few_drawn and verify(row, salt="words")
     with pytest.raises(
-        RunFolderError, match=r"row\.json: observation: \[\] is not allowed; it must be a group of settings"
+        RunFolderError, match=rf"row\.json: {SUITE}-s1: observation: \[\] is not allowed; it must be a group of"
     ):
         verify(edited(row, settings={"observation": []}))
     (row.folder / f"{SUITE}-s1.onnx").write_bytes(b"other weights")
@@ -462,13 +462,35 @@ def test_a_suite_that_a_row_lacks_is_not_verified_without_a_word(idle):
         benchmark(config)
 
 
-def test_a_row_that_cannot_be_verified_keeps_no_other_from_it(tmp_path, idle, capsys):
+@pytest.mark.parametrize(
+    ("kind", "changes", "said"),
+    [
+        ("player", {"suite_hash": "0000"}, f"idle.*{SUITE} with the hash 0000"),
+        ("onnx", {"file": "broken.onnx"}, rf"row mine: .*row\.json: {SUITE}-s1: .*broken\.onnx is no ONNX model"),
+        ("onnx", {"file": "wide.onnx"}, rf"row mine: .*row\.json: {SUITE}-s1: actions must have shape"),
+    ],
+)
+def test_a_row_that_cannot_be_verified_keeps_no_other_from_it(tmp_path, idle, capsys, kind, changes, said):
     row_made_here(config_of(tmp_path, player="random"))
     (piece,) = json.loads((idle.folder / ROW).read_text())["pieces"]
-    edited(idle, pieces=[{**piece, "suite_hash": "0000"}])
-    with pytest.raises(RunFolderError, match=f"idle.*{SUITE} with the hash 0000"):
+    files = dict(idle.files)
+    if "file" in changes:
+        path = idle.folder / changes["file"]
+        env = VectorEnv(num_envs=1, **side_options(suite(SUITE), "test"))
+        linear(path, env.single_observation_space.shape, actions=3)
+        path.write_bytes(path.read_bytes()[: None if path.stem == "wide" else 9])
+        files[path.name] = file_hash(path)
+    name = "idle" if kind == "player" else "mine"
+    edited(idle, name=name, kind=kind, pieces=[{**piece, **changes}], files=files)
+    with pytest.raises(RunFolderError, match=said):
         benchmark(config_of(tmp_path, verify=("idle", "random")))
     assert "row random, hash" in capsys.readouterr().out
+
+
+def test_rows_whose_drawn_levels_are_not_played_are_all_named(tmp_path, idle):
+    row_made_here(config_of(tmp_path, player="random"))
+    with pytest.raises(RunFolderError, match=r"row idle: salt: .*\n.*row random: salt: "):
+        benchmark(config_of(tmp_path, verify=("idle", "random"), salt="words"))
 
 
 def test_another_policy_and_other_code_are_no_part_of_a_row(tmp_path):
