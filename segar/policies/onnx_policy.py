@@ -82,9 +82,13 @@ class OnnxPolicy:
             raise self._misfit(
                 f"it reads observations {self.dtype} of shape (n, *{self.observation_shape}), not {given}"
             )
-        given = dict(zip(self._names, (observations, self._memory), strict=False))
+        if self._width and len(self._memory) != len(observations):
+            raise self._misfit(
+                f"it has a memory of {len(self._memory)} environments, and cannot be played with {len(observations)}"
+                " environments: call begin(env) where episodes start, and then give it the observations of all of them"
+            )
         try:
-            found: Any = self._session.run(None, given)
+            found: Any = self._session.run(None, dict(zip(self._names, (observations, self._memory), strict=False)))
         except Exception as error:  # as above
             raise self._misfit(f"it cannot be played with {len(observations)} environments: {error}") from error
         if self._width:

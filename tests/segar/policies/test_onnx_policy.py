@@ -34,6 +34,12 @@ def test_a_memory_goes_on_until_episodes_begin(tmp_path):
             np.testing.assert_allclose(policy(seen), np.tile(np.clip(bias + step, -1, 1), (2, 1)), atol=1e-6)
     with pytest.raises(SegarError, match="3 environments"):
         policy(np.zeros((3, 3), np.float32))
+    policy = OnnxPolicy(tmp_path / "p.onnx")
+    with pytest.raises(SegarError, match=r"p\.onnx: it has a memory of 0 environments, .* call begin\(env\)"):
+        policy(seen[:1])
+    policy.begin(SimpleNamespace(num_envs=1))
+    with pytest.raises(SegarError, match="a memory of 1 environments, and cannot be played with 2 environments"):
+        policy(seen)
 
 
 def test_it_plays_where_policies_do(tmp_path):
