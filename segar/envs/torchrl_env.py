@@ -39,11 +39,11 @@ class TorchRLEnv(EnvBase):
     ``[num_envs, 1]``. Nothing is reset by a step, so that a finished
     episode's last observation stays readable; ``reset`` honours TorchRL's ``"_reset"`` mask, and takes
     ``levels=`` (int array ``[num_envs]``) to choose the levels that start. Tensors share the memory of the engine's
-    arrays, which later steps do not overwrite. Actions: float32 ``[num_envs, 2]`` in [-1, 1]. With
+    arrays, which later steps do not overwrite. Actions: float32 ``[num_envs, action size]`` in the task's range. With
     ``device="cuda"`` all tensors lie on that GPU, where the episodes run.
 
-    Arguments are those of :class:`segar.envs.VectorEnv`, which also says what it raises; and :class:`SegarError` if a part
-    of the observation is named like another entry.
+    Arguments are those of :class:`segar.envs.VectorEnv` but for ``autoreset_mode``, ``copy`` and ``true_factors``; it also says
+    what it raises; and :class:`SegarError` if a part of the observation is named like another entry.
 
     >>> env = TorchRLEnv(segar.family("empty-hard").sample(10, seed=0), num_envs=64, seed=0)
     >>> env.rollout(30, break_when_any_done=False)["next", "reward"].shape
@@ -54,13 +54,15 @@ class TorchRLEnv(EnvBase):
         self, levels: Levels, num_envs: int, *, observation: ObservationLike = "state", **options: Any
     ) -> None:
         fixed = {"autoreset_mode": AutoresetMode.DISABLED, "copy": True, "true_factors": False}
+        for name in fixed.keys() & options.keys():
+            raise SegarError(f"TorchRLEnv: '{name}' is not to be chosen; TorchRL has its own convention")
         vector_env = VectorEnv(levels, num_envs, observation=observation, **fixed, **options)
         super().__init__(device=vector_env.device, batch_size=torch.Size([num_envs]))
         self.vector_env = vector_env
         self._episode_keys = EPISODE_KEYS | (TRIAL_KEYS if vector_env.trials > 1 else {})
         space = self.vector_env.single_observation_space
         seen = _named(space)
-        for name in seen.keys() & {*self._episode_keys, "action", "reward", "done", "terminated", "truncated"}:
+        for name in seen.keys() & {*self._episode_keys, "action", "reward", "done", "terminated", "truncated", "next"}:
             raise SegarError(f"TorchRLEnv: an observation's part cannot be called '{name}', as another entry is")
         self.observation_spec = Composite(
             {key: _spec(part, num_envs) for key, part in seen.items()}
@@ -80,9 +82,7 @@ class TorchRLEnv(EnvBase):
         return self._tensordict(observation, info, terminated=terminated, truncated=truncated, reward=reward)
 
     def _reset(self, tensordict: TensorDictBase | None = None, *, levels: Any = None, **_: Any) -> TensorDictBase:
-        options: dict[str, Any] = {}
-        if levels is not None:
-            options["levels"] = levels
+        options: dict[str, Any] = {"levels": levels}
         if tensordict is not None and "_reset" in tensordict.keys():
             options["reset_mask"] = tensordict.get("_reset").reshape(self.num_envs)
         seed, self._next_seed = self._next_seed, None

@@ -76,3 +76,16 @@ def test_frames_for_people_become_an_entry():
     assert frames.shape == (2, 3, 64, 64, 3) and frames.dtype == torch.uint8 and (frames[:, 0] != frames[:, 2]).any()
     with pytest.raises(segar.SegarError, match="render_mode='rgb_array'"):
         segar.envs.TorchRLEnv(LEVELS, 2).render()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"autoreset_mode": "NextStep"}, "'autoreset_mode' is not to be chosen"),
+        ({"true_factors": True}, "'true_factors' is not to be chosen"),
+        ({"observation": {"next": "state"}}, "part cannot be called 'next'"),
+    ],
+)
+def test_options_that_torchrl_decides_are_refused_by_their_names(options, said):
+    with pytest.raises(segar.SegarError, match=f"TorchRLEnv: .*{said}"):
+        segar.envs.TorchRLEnv(LEVELS, 2, **options)
