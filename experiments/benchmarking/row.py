@@ -20,12 +20,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from segar.errors import naming
 from segar.experiments.benchmarking.protocol import PLAYERS, PROTOCOL
 from segar.experiments.runs.files import make_folder, read_json, read_table, write_bytes, write_parquet, write_text
 from segar.experiments.runs.run_folder import differences, write_json
 from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import RunFolderError
-from segar.support import locked, sha256_of, shown
+from segar.support import locked, require_form, sha256_of, shown
 
 FORMAT = 1
 ROW, TABLE, MEANS, PIECE = "row.json", "episodes.parquet", "levels.parquet", "piece.json"
@@ -321,6 +322,8 @@ def _description(path: Path) -> dict[str, Any]:
         raise RunFolderError(f"{path}: name: {shown(data['name'])} must be of letters, digits, spaces and _ . + -")
     if (data["kind"] == "player") != (data["name"] in PLAYERS):
         raise RunFolderError(f"{path}: rows of players alone are called {', '.join(PLAYERS)}; name: {data['name']}")
+    with naming(path, RunFolderError):  # libraries may have any version, but files of code have hashes
+        require_form(data["made_with"], [{"code?": {str: str}}], "made_with")
     if any(not 0 <= one["made_with"] < len(data["made_with"]) for one in data["pieces"]):
         raise RunFolderError(f"{path}: a piece was made with what made_with does not list")
     if not 0 < len({(one["suite"], one["seed"]) for one in data["pieces"]}) == len(data["pieces"]):

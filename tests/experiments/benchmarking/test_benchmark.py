@@ -153,6 +153,8 @@ def test_a_row_has_pieces_each_of_them_once_and_texts_that_can_be_written(idle):
     for pieces in ([], [piece, piece]):
         with pytest.raises(RunFolderError, match="pieces: there must be some, and each suite with each seed once"):
             edited(idle, pieces=pieces)
+    with pytest.raises(RunFolderError, match=rf"{ROW}: 'made_with\[0\]\.code' must be a mapping"):
+        edited(idle, made_with=[{"code": "./lab.py"}])
     for changes in ({"says": "\ud800"}, {"pieces": [{**piece, "suite_hash": "\udfff"}]}):
         with pytest.raises(RunFolderError, match=rf"{ROW}: a text in it has half of a character"):
             edited(idle, **changes)
