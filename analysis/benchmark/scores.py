@@ -1,5 +1,6 @@
 """From the episodes of rows to success corrected for chance, and to scores: 1 is the planner."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -173,8 +174,8 @@ def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """The lines of rows that are no players, on drawn levels of all of these suites, with the seeds that all of them share.
 
     Rows that are above chance on no more than half of the suites are left out, since every method is told apart from them.
-    Where two rows have seeds enough for a place, those with fewer are left out, too, and those with other seeds than half of
-    these rows, or one more row could undo a ranking.
+    Where two rows have the five seeds that are the most frequent ones of rows with seeds enough for a place, all others are left
+    out, too, or one more row could undo a ranking.
     """
     known = keep(table, table[DRAWN].notna() & ~table["row"].isin(list(PLAYERS)))
     part = complete(known, names)
@@ -183,10 +184,9 @@ def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
         lows = [mean_of_replicates(one[DRAWN].to_numpy()).low for _, one in own.groupby("suite", dropna=False)]
         if np.mean(np.array(lows) <= 0) < 0.5:  # an interval that is unknown speaks against nobody
             seeds[row] = set(own["seed"])
-    enough = {row: own for row, own in seeds.items() if len(own) >= FEWEST_SEEDS}
-    every = [seed for own in enough.values() for seed in own]
-    usual = {seed for seed in every if every.count(seed) >= len(enough) / 2}
-    placed = [row for row, own in enough.items() if len(own & usual) >= FEWEST_SEEDS]
+    every = sorted(seed for own in seeds.values() if len(own) >= FEWEST_SEEDS for seed in own)
+    usual = {seed for seed, _ in Counter(every).most_common(FEWEST_SEEDS)}
+    placed = [row for row, own in seeds.items() if own >= usual]
     rows = placed if len(placed) > 1 else list(seeds)
     shared = set.intersection(*(seeds[row] for row in rows)) if rows else set()
     return keep(part, part["row"].isin(rows) & part["seed"].isin(list(shared)))
