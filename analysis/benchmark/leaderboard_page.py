@@ -47,6 +47,7 @@ def page_text(
     unaided = without_privileged(rows, table)
     learners = learners_on(unaided, suites[OVERALL])
     repeated = generalizability(learners, DRAWN, "row", "suite", "seed")
+    timed = keep(learners, learners[WEIGHTED].notna() & ~learners["row"].isin(memorisers(board)))
     members = [name for axis, names in suites.items() if axis != OVERALL for name in names]
     environment = templates(Path(__file__).parent, keep_trailing_newline=True)
     environment.filters["interval"] = lambda one: interval(vars(one))
@@ -57,7 +58,7 @@ def page_text(
         levels=LEVELS,
         budgets=BUDGETS,
         repeated=repeated,
-        weighted=generalizability(keep(learners, learners[WEIGHTED].notna()), WEIGHTED, "row", "suite", "seed"),
+        weighted=generalizability(timed, WEIGHTED, "row", "suite", "seed"),
         overall=overall_table(rows, table, board, suites[OVERALL]),
         practice=practice_table(rows, board),
         chance=chance_text(unaided, members),
@@ -116,9 +117,7 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
     lines_of = {(one["quantity"], one["row"]): one for one in overall.to_dict("records")}  # type: ignore[var-annotated]
     unaided = without_privileged(rows, table)
     found, last = places_of(unaided, suites), (len(rows) + 1, 0)
-    gained = select(overall, quantity="practice_minus_drawn")
-    memorised = [*keep(gained, gained["low"] > 0)["row"]]  # of whom practice levels say nothing
-    by_time = places_of(keep(unaided, ~unaided["row"].isin(memorised)), suites, WEIGHTED)
+    by_time = places_of(keep(unaided, ~unaided["row"].isin(memorisers(board))), suites, WEIGHTED)
     lines = []
     for name in sorted(select(overall, quantity=DRAWN)["row"], key=lambda one: (found.get(one, last), one)):
         unknown: Mapping[str, Any] = dict.fromkeys(("estimate", "low", "high", "suites_low"), math.nan)
@@ -170,6 +169,12 @@ def is_privileged(row: Row) -> bool:
 def without_privileged(rows: Mapping[str, Row], table: pd.DataFrame) -> pd.DataFrame:
     """The lines of rows that are not privileged, which alone have places and tell whether methods can be ranked."""
     return keep(table, ~table["row"].isin([name for name, row in rows.items() if is_privileged(row)]))
+
+
+def memorisers(board: pd.DataFrame) -> list[str]:
+    """The rows that surely solve more of the practice levels than of drawn ones, so that practice levels say nothing of them."""
+    gained = select(board, axis=OVERALL, quantity="practice_minus_drawn")
+    return [*keep(gained, gained["low"] > 0)["row"]]
 
 
 def practice_table(rows: Mapping[str, Row], board: pd.DataFrame) -> str:

@@ -12,10 +12,11 @@ import pytest
 from mlflow import MlflowClient
 
 from segar.analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
-from segar.analysis.benchmark.leaderboard_page import escaped, named, overall_table, place_text, practice_table
+from segar.analysis.benchmark.leaderboard_page import escaped, named, page_text, place_text, practice_table
 from segar.analysis.benchmark.make import BOARD, CAUSES, PAGE, PROFILE, SCORES, report_rows
 from segar.analysis.benchmark.scores import (
     DRAWN,
+    FIGURES,
     OVERALL,
     PRACTICE,
     QUANTITIES,
@@ -293,21 +294,28 @@ def test_who_plans_or_has_memorised_practice_levels_has_no_place_there_and_pushe
         "planning": (0.9, 0.9, 0.0),
         "ahead": (0.6, 0.3, 0.0),
         "behind": (0.3, 0.5, 0.0),
-        "knowing": (0.0, 0.8, 0.9),
+        "knowing": (0.1, 0.8, 0.8),
     }
     rows, lines = {}, []
     for k, (name, (success, weighted, apart)) in enumerate(planted.items()):
         settings = {"privileged": True} if name == "planning" else {}
-        drawn = tuple(Drawn(CORE[0], seed, "", "", 1000, 900, 500, 1000, 1, 1, "") for seed in range(1, 6))
-        rows[name] = Row(Method(name, "networks", "", settings=settings), (), Path(), "", drawn=drawn)
+        drawn = tuple(
+            Drawn(of, seed, "", "", 1000, 900, 500, 1000, 1, 1, "") for of in CORE[:2] for seed in range(1, 6)
+        )
+        pieces = tuple(Piece(one.suite, "", one.seed, {}) for one in drawn)
+        rows[name] = Row(Method(name, "networks", "", settings=settings), pieces, Path(), "", drawn=drawn)
         for one in drawn:
             line = {"row": name, "axis": "place", "suite": one.suite, "suite_hash": "", "seed": one.seed}
-            varies = 0.01 * (k + 1) * (one.seed - 3)
+            varies = 0.01 * (k + 1) * (one.seed - 3) + 0.001 * k * (one.suite == CORE[0])
             lines.append(
                 {**line, DRAWN: success + varies, WEIGHTED: weighted + varies, "practice_minus_drawn": apart + varies}
             )
-    table = pd.DataFrame(lines).reindex(columns=["row", "axis", "suite", "suite_hash", "seed", *QUANTITIES])
-    page = overall_table(rows, table, leaderboard(table, suites_compared(table)), CORE[:1]).splitlines()
+    columns = dict.fromkeys(["row", "axis", "suite", "suite_hash", "seed", *QUANTITIES, *FIGURES])
+    table, causes = pd.DataFrame(lines).reindex(columns=[*columns]), pd.DataFrame(columns=["suite"])
+    compared = suites_compared(table)
+    page = page_text(rows, table, leaderboard(table, compared), causes, compared)
+    assert "By success weighted by time, these rows rank methods:** the coefficient of 2 learners" in page
+    page = page.partition("## All suites")[2].partition("## Practice")[0].splitlines()
     cells = [[one.strip() for one in line.split("|")] for line in page if line.startswith("| ")]
     at = [cells[0].index(one) for one in ("row", "place", "place by it")]
     assert sorted([line[k] for k in at] for line in cells[2:]) == [
