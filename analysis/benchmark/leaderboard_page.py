@@ -112,7 +112,7 @@ def place_text(place: tuple[int, int] | None) -> str:
 
 
 def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFrame, suites: Sequence[str]) -> str:
-    """Each row with drawn levels of all suites, by place and then by name, and which rows lack a suite."""
+    """Each row with drawn levels of all suites, by place and then by name, and which rows have no seed with all suites."""
     overall = select(board, axis=OVERALL)
     lines_of = {(one["quantity"], one["row"]): one for one in overall.to_dict("records")}  # type: ignore[var-annotated]
     unaided = without_privileged(rows, table)
@@ -136,9 +136,9 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
     lacking = [
         f"`{name}` ({len({*row.suites()} & {*suites})} of {len(suites)} suites)"
         for name, row in rows.items()
-        if name not in {*select(overall, quantity=PRACTICE)["row"], *REFERENCES}
+        if name not in {*keep(overall, overall["quantity"].isin([DRAWN, PRACTICE]))["row"], *REFERENCES}
     ]
-    return text + (f"\nNot compared, because suites are missing: {', '.join(lacking)}.\n" if lacking else "")
+    return text + (f"\nNot compared, because no seed has all suites: {', '.join(lacking)}.\n" if lacking else "")
 
 
 GRINDING = """
@@ -172,7 +172,7 @@ def without_privileged(rows: Mapping[str, Row], table: pd.DataFrame) -> pd.DataF
 
 
 def memorisers(board: pd.DataFrame) -> list[str]:
-    """The rows that surely solve more of the practice levels than of drawn ones, so that practice levels say nothing of them."""
+    """The rows that surely solve more of the practice levels than of drawn ones, of whom practice levels say nothing."""
     gained = select(board, axis=OVERALL, quantity="practice_minus_drawn")
     return [*keep(gained, gained["low"] > 0)["row"]]
 
@@ -194,7 +194,7 @@ def chance_text(table: pd.DataFrame, members: Sequence[str]) -> str:
     """The suites on which nobody who learns beats chance."""
     if not (lost := [name for name in members if not beats_chance(table, name)]):
         return "On every suite, a learner solves more levels than random play does.\n"
-    return f"No learner solves more levels than random play does on: {', '.join(lost)}. These suites count like all others.\n"
+    return f"No learner surely solves more than random play does on: {', '.join(lost)}. These suites count like all others.\n"
 
 
 def repetition_tables(learners: pd.DataFrame, found: Generalizability) -> dict[str, str]:

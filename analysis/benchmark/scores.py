@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from segar.analysis.benchmark.causes import EFFECT, shift_effects
-from segar.analysis.stats.estimate import mean_of_replicates
+from segar.analysis.stats.estimate import ALIKE, mean_of_replicates
 from segar.analysis.stats.ranking import ALPHA, FEWEST_SEEDS, places
 from segar.analysis.tables import Floats, keep
 from segar.evaluation import Baselines
@@ -174,8 +174,8 @@ def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """The lines of rows that are no players, on drawn levels of all of these suites, with the seeds that all of them share.
 
     Rows that are above chance on no more than half of the suites are left out, since every method is told apart from them.
-    Where two rows have the five seeds that are the most frequent ones of rows with seeds enough for a place, all others are left
-    out, too, or one more row could undo a ranking.
+    Where two rows have the five seeds that are most frequent among rows with seeds enough for a place, all others are left out,
+    too, or one more row could undo a ranking.
     """
     known = keep(table, table[DRAWN].notna() & ~table["row"].isin(list(PLAYERS)))
     part = complete(known, names)
@@ -194,9 +194,10 @@ def learners_on(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 def beats_chance(table: pd.DataFrame, name: str) -> bool:
     """Whether a learner solves more of a suite than random play does: by Student's test over its seeds, corrected for the
-    number of learners, since the luckiest of many is above chance by chance."""
+    number of learners, since the luckiest of many is above chance by chance; seeds that are alike and above chance do, too."""
     own = keep(table, (table["suite"] == name) & ~table["row"].isin(list(PLAYERS)))
     values = [
         part[DRAWN if len(part[DRAWN].dropna()) else PRACTICE].dropna() for _, part in own.groupby("row", dropna=False)
     ]
-    return any(mean_of_replicates(one.to_numpy(), 0.0).p * len(values) < ALPHA / 2 for one in values)
+    found = [mean_of_replicates(one.to_numpy(), 0.0) for one in values]
+    return any(one.p * len(values) < ALPHA / 2 or (one.note == ALIKE and one.estimate > 0) for one in found)

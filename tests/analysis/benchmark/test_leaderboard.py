@@ -248,6 +248,8 @@ def test_of_many_learners_at_chance_none_beats_it():
     lines += [("learned", row, rng.normal(0.3 * (row == 3), 0.02)) for row in range(20) for _ in range(5)]
     table = pd.DataFrame(lines, columns=["suite", "row", DRAWN]).assign(**{PRACTICE: np.nan})
     assert np.mean([beats_chance(table, f"s{k}") for k in range(100)]) < 0.08 and beats_chance(table, "learned")
+    alike = table.assign(suite="alike", **{DRAWN: 1.0})  # as of learners that solve all levels with all seeds
+    assert beats_chance(alike, "alike") and not beats_chance(alike.assign(**{DRAWN: 0.0}), "alike")
 
 
 def test_rows_are_placed_by_drawn_levels_and_those_without_are_practice_alone(tmp_path):
@@ -315,6 +317,7 @@ def test_who_plans_or_has_memorised_practice_levels_has_no_place_there_and_pushe
     compared = suites_compared(table)
     page = page_text(rows, table, leaderboard(table, compared), causes, compared)
     assert "By success weighted by time, these rows rank methods:** the coefficient of 2 learners" in page
+    assert "Not compared" not in page, "who has drawn levels of all suites is compared, though no reference played here"
     page = page.partition("## All suites")[2].partition("## Practice")[0].splitlines()
     cells = [[one.strip() for one in line.split("|")] for line in page if line.startswith("| ")]
     at = [cells[0].index(one) for one in ("row", "place", "place by it")]
