@@ -1,5 +1,6 @@
 """Which methods are better, and whether other seeds and other suites would say so: places as sets, variance components."""
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -18,7 +19,8 @@ from segar.analysis.tables import Floats, column
 
 FEWEST_SEEDS = 5  # that a row needs for a place
 ALPHA = 0.05
-REPETITIONS = 4000  # of planted tables
+REPETITIONS = 4000  # of planted tables of all runs
+PLANTED = 200_000  # repetitions of planted means, of which 4000 leave the suites that are needed unknown by a tenth
 MOST_SUITES = 100  # of which it is asked whether they are enough
 
 
@@ -70,7 +72,7 @@ class Generalizability:
         own = self.components
         noise = (own["method and suite"] + own["run"] / seeds) / suites
         rng = np.random.default_rng(0)
-        true, error = rng.normal(size=(2, REPETITIONS, self.methods))
+        true, error = rng.normal(size=(2, PLANTED, self.methods))
         true *= own["method"] ** 0.5
         return float(((true + error * noise**0.5).argmax(axis=1) == true.argmax(axis=1)).mean())
 
@@ -78,7 +80,8 @@ class Generalizability:
         """How many suites name the winner in this share of repetitions; None where :data:`MOST_SUITES` do not."""
         if not self.components["method"]:
             return None
-        return next((n for n in range(1, MOST_SUITES + 1) if self.names_winner(n, seeds) >= share), None)
+        needed = 1 + bisect_left(range(1, MOST_SUITES + 1), share, key=lambda n: self.names_winner(n, seeds))
+        return needed if needed <= MOST_SUITES else None
 
 
 def generalizability(table: pd.DataFrame, value: str, method: str, suite: str, seed: str) -> Generalizability | None:

@@ -53,6 +53,18 @@ def test_methods_that_are_alike_have_no_winner_and_methods_far_apart_need_few_su
     assert generalizability(planted(rng).iloc[1:], "y", "m", "s", "k") is None, "one number is missing"
 
 
+def test_the_winner_of_two_methods_is_named_as_often_as_two_correlated_normal_numbers_have_one_sign():
+    found = generalizability(planted(np.random.default_rng(2))[lambda one: one["m"] < 2], "y", "m", "s", "k")
+    assert found is not None and found.methods == 2
+    own = found.components
+    for suites in (2, 8, 40):
+        noise = (own["method and suite"] + own["run"] / 5) / suites
+        often = 1 - np.arccos((own["method"] / (own["method"] + noise)) ** 0.5) / np.pi
+        assert found.names_winner(suites, 5) == pytest.approx(often, abs=0.004)
+        needed = found.suites_needed(5, often - 0.002)
+        assert needed is not None and 0.8 * suites <= needed <= 1.1 * suites
+
+
 def test_methods_that_do_not_differ_have_the_coefficient_zero_and_a_number_that_is_missing_is_no_number():
     for value in (0.1, 0.5):
         table = planted(np.random.default_rng(0), 3, 2, 2).assign(y=value)
