@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from segar.analysis.benchmark.causes import effects_on
@@ -274,7 +275,8 @@ def rows_table(rows: Mapping[str, Row]) -> str:
     """What each row is of, and its hash."""
     lines = []
     for _, row in sorted(rows.items(), key=lambda one: (one[0] not in REFERENCES, one[0])):
-        seeds = sorted({piece.seed for piece in row.pieces})
-        suites = str(len(row.suites()))
-        lines.append([named(row), escaped(row.method.says), suites, f"{seeds[0]} to {seeds[-1]}", f"`{row.hash}`"])
+        seeds = np.unique([piece.seed for piece in row.pieces])
+        spans = np.split(seeds, np.flatnonzero(np.diff(seeds) > 1) + 1)
+        each = ", ".join(f"{one[0]} to {one[-1]}" if len(one) > 1 else str(one[0]) for one in spans)
+        lines.append([named(row), escaped(row.method.says), str(len(row.suites())), each, f"`{row.hash}`"])
     return markdown(["row", "what it is", "suites", "seeds", "hash"], lines)
