@@ -49,10 +49,11 @@ from segar.experiments.benchmarking.row import (
 from segar.experiments.settings import RunFolderError, TrackingConfig
 from segar.experiments.tracking.mlflow_store import store_uri
 from segar.suites import CORE, outline, suite, suites
+from segar.support import RESULTS, read_manifest
 
 pytestmark = pytest.mark.results
 
-MADE = (SCORES, BOARD, CAUSES)
+MADE = (SCORES, BOARD)
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +85,8 @@ def test_the_shipped_page_and_tables_are_made_of_the_shipped_rows(tmp_path, monk
     for name in MADE:
         pd.testing.assert_frame_equal(pd.read_csv(shipped / name), pd.read_csv(SHIPPED / name), rtol=1e-4)
     assert (shipped / f"{PROFILE}.png").stat().st_size > 1000
+    (causes,) = (one for one in read_manifest(RESULTS) if one.path == f"{SHIPPED.name}/{CAUSES}")
+    assert causes.as_in(tmp_path) == causes, "note its hash again: segar results record"
 
 
 @pytest.mark.slow
