@@ -88,6 +88,8 @@ def test_an_old_python_is_named_with_the_way_out(checkout):
 @pytest.mark.parametrize("target", ["test-docs", "check-results", "test-slow"])
 def test_targets_of_a_mark_also_run_tests_of_training(target):
     """pytest's own paths are those of `make test`, which leaves tests of training to a target of theirs."""
-    printed = subprocess.run(["make", "-n", target], cwd=ROOT, text=True, capture_output=True, check=True).stdout
+    printed = subprocess.run(
+        ["make", "-n", target, "ARGS="], cwd=ROOT, text=True, capture_output=True, check=True
+    ).stdout
     (line,) = (one for one in printed.splitlines() if "-m pytest" in one)
     assert line.split()[-1] == "tests"
