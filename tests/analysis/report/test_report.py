@@ -20,6 +20,7 @@ from segar.analysis.report.number_format import estimate_text, p_value, plain, s
 from segar.analysis.stats.estimate import Estimate
 from segar.experiments.settings import ConfigError, RunFolderError, TrackingConfig
 from segar.experiments.tracking.mlflow_store import open_store
+from segar.support import read_manifest
 from tests.analysis.report.conftest import stand_in
 from tests.places import ROOT
 from tests.synthetic_results import PARTS, everything, evidence_of, run_rows, write_results
@@ -68,10 +69,11 @@ def test_the_shipped_tables_give_the_shipped_numbers(again):
     assert {path.stem for path in SHIPPED.glob("*/statistics/*.csv")} <= {*STATISTICS}
     shipped, made = again
     names = {str(path.relative_to(made.folder)) for path in made.files}
-    folders = (shipped / "figures", shipped / "statistics")
-    there = {str(path.relative_to(shipped)) for folder in folders for path in folder.iterdir()}
-    there |= {"findings.md", "claims.csv"}
-    assert {name for name in names if name.endswith((".csv", ".md"))} == there
+    there = {f"statistics/{path.name}" for path in (shipped / "statistics").iterdir()} | {"findings.md", "claims.csv"}
+    figures = [one for one in read_manifest(SHIPPED) if re.match(rf"{shipped.name}/figures/.*\.csv", one.path)]
+    of_figures = {one.path.removeprefix(f"{shipped.name}/") for one in figures}
+    assert {name for name in names if name.endswith((".csv", ".md"))} == there | of_figures
+    assert [one.as_in(made.folder.parent) for one in figures] == figures, "note them again: segar results record"
     for name in sorted(there):
         assert (made.folder / name).read_text() == (shipped / name).read_text(), name
 
