@@ -42,14 +42,11 @@ from .checks import (
     one_or_own as one_or_own,
     path_of as path_of,
     require as require,
-    require_design as require_design,
     require_known as require_known,
-    require_seed as require_seed,
     that,
 )
 from .curricula import (
     NO_CURRICULUM as NO_CURRICULUM,
-    SCORES as SCORES,
     ACCELConfig,
     CurriculumConfig,
     PLRConfig,

@@ -7,7 +7,7 @@ from .conditional_task import (
     with_conditions as with_conditions,
 )
 from .invisiball_task import invisiball
-from .puttputt_task import DEATH_PENALTY as DEATH_PENALTY, GOAL_DISTANCE, IMPULSE as IMPULSE, distance, puttputt
+from .puttputt_task import GOAL_DISTANCE, distance, puttputt
 from .registry import TASKS as TASKS, make_task as make_task, task_of as task_of
 
 __all__ = ["GOAL_DISTANCE", "billiards", "distance", "invisiball", "puttputt"]
