@@ -113,7 +113,7 @@ def demo_actions(factors: Factors, impulse: float = IMPULSE) -> np.ndarray:
     """The actions of a scripted player, float32 ``(num_envs, 2)``: straight to the goal, slower the nearer it is.
 
     It does not avoid obstacles, and has the same actions as the agent: a push that is too large is scaled down. Of the
-    factors of a single environment it gives a single action, as 0.1 did.
+    factors of a single environment it gives a single action.
     """
     ball, goal = factors.slots(GolfBall)[0], factors.slots(GoalTile)[0]
     x, v, m = factors["Position"], factors["Velocity"][..., ball, :], factors["Mass"][..., ball]
