@@ -9,12 +9,13 @@ parameters, shapes, relations, effects, mathematics of rules), ``segar.rules``, 
 ``segar.hardness``, ``segar.policies``, ``segar.evaluation``, ``segar.datasets``, ``segar.suites`` and ``segar.errors``.
 """
 
-from segar import tasks  # sets the default task
+from segar import playground, tasks  # tasks sets the default task
 from segar.envs import register_all
 from segar.suites import register_suites
-from segar.support import lazy_face
+from segar.support import ShownInNotebooks, lazy_face
 
 __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)
 
 register_all()
 register_suites()
+ShownInNotebooks._repr_html_ = lambda shown: playground.html_of(shown)  # which is loaded when it is asked for

@@ -25,7 +25,6 @@ class Import:
     target: str  # module
     name: str  # what is taken from it; empty where the module itself is imported
     place: str  # file and line
-    by_string: bool = False
 
 
 def module_name(path: Path) -> str:
@@ -66,7 +65,7 @@ def imports_of(module: str, path: Path) -> Iterator[Import]:
                 func=ast.Attribute(attr="import_module") | ast.Name(id="import_module" | "__import__"),
                 args=[ast.Constant(value=str(name)), *_],
             ):
-                yield Import(module, name, "", place, by_string=True)
+                yield Import(module, name, "", place)
 
 
 @cache

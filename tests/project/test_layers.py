@@ -37,7 +37,7 @@ MOST_ROOMS = {"segar": 25, "segar.experiments": 25, "segar.analysis": 25}
 
 
 def own_imports() -> list[Import]:
-    return [one for one in all_imports() if one.target.split(".")[0] in PACKAGES and not one.by_string]
+    return [one for one in all_imports() if one.target.split(".")[0] in PACKAGES]
 
 
 def objections(one: Import) -> Iterator[str]:
