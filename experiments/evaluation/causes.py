@@ -35,7 +35,7 @@ def suite_played(config: EvaluateConfig, trained: RunConfig, levels: Levels) -> 
         )
     tested = trained.levels if config.levels == "test" else dataclasses.replace(trained.levels, test=config.levels)
     run = Prepared(dataclasses.replace(trained, levels=tested))
-    name = f"{tested.train} to {tested.test_distribution}"
+    name = " to ".join(" ".join(tested.named(side)).strip() for side in ("train", "test"))
     with naming("twins", ConfigError):
         return own_suite(run.train_distribution, run.test_distribution, levels, task=run.task, name=name)
 

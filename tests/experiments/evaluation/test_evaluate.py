@@ -14,7 +14,9 @@ import segar
 from segar.datasets import check_replay, recipe_of, record
 from segar.evaluation import Baselines, find_baselines
 from segar.experiments.algorithms.checkpoint import read_checkpoint
+from segar.experiments.evaluation.causes import suite_played
 from segar.experiments.evaluation.evaluator import as_played, choose_levels, evaluate, label, mean_returns
+from segar.experiments.levels.builders import Prepared
 from segar.experiments.runs.run_folder import CHECKPOINT, read_episodes, read_summary
 from segar.experiments.runs.run_rows import run_rows, score_warnings
 from segar.experiments.settings import (
@@ -23,6 +25,7 @@ from segar.experiments.settings import (
     EvaluateConfig,
     LevelsConfig,
     ObservationConfig,
+    RunConfig,
     RunFolderError,
 )
 from segar.experiments.training.run import run
@@ -108,6 +111,15 @@ def test_twins_are_of_the_test_levels_of_a_run_or_of_another_distribution(on_a_r
         assert all(row["twins"] == str(n or 3) for row in rows)
     with pytest.raises(ConfigError, match=r"twins: .* are of levels of a test distribution, and train are none"):
         evaluate(EvaluateConfig(str(on_a_raft), levels="train", twins=True, **QUICK))
+
+
+def test_causes_in_worlds_of_two_variations_have_two_names():
+    """Or the groups of both would be averaged as those of one world."""
+    for variation in ("ball_heavy", "gravity_40"):
+        trained = RunConfig(levels=LevelsConfig("empty-easy", test_variation=variation))
+        levels = Prepared(trained).test_distribution.sample(1, split="test")
+        played = suite_played(EvaluateConfig("", levels="test"), trained, levels)
+        assert played.name == f"empty-easy to empty-easy {variation}"
 
 
 def test_an_agent_is_recorded_with_its_world_and_never_with_actions_of_another_scale(on_a_raft, tmp_path, monkeypatch):
