@@ -22,7 +22,7 @@ from segar.experiments.commands.command_line import run_from_command_line
 
 CAUSES = "causes.csv"  # as segar.experiments.evaluation.causes writes it
 DIFFERS, CONTROL = "#0072B2", "#BBBBBB"
-FIGURES = ("effect", "attributed")
+FIGURES = {"effect": -1.0, "attributed": 0.0}  # and the least that each can be; the most is 1
 
 
 def read_causes(*folders: str | Path) -> pd.DataFrame:
@@ -41,7 +41,7 @@ def read_causes(*folders: str | Path) -> pd.DataFrame:
 def profile_of_causes(causes: pd.DataFrame, mode: str = "deterministic") -> pd.DataFrame:
     """One row per suite and group: ``effect`` and ``attributed``, each with ``_low`` and ``_high``, and ``runs``.
 
-    Of one run the intervals are those over levels, paired. Of several runs they are Student's over runs.
+    Of one run the intervals are those over levels, paired. Of several runs they are Student's over runs, cut where shares end.
 
     Args:
         causes: of :func:`read_causes`, or :meth:`segar.suites.Causes.rows` as a table.
@@ -57,11 +57,11 @@ def profile_of_causes(causes: pd.DataFrame, mode: str = "deterministic") -> pd.D
     for key, part in chosen.groupby(["suite", "group"], sort=False, dropna=False):
         suite, group = cast(tuple[str, str], key)
         row: dict[str, object] = {"suite": suite, "group": group, "differs": bool(part["differs"].iloc[0])}
-        for name in FIGURES:
+        for name, least in FIGURES.items():
             columns = (name, f"{name}_low", f"{name}_high")
-            values = column(part, name)
-            found = mean_of_replicates(values[np.isfinite(values)])
-            ends = part[list(columns)].iloc[0] if len(part) == 1 else (found.estimate, found.low, found.high)
+            found = mean_of_replicates(column(part.dropna(subset=name), name))
+            over_runs = (found.estimate, *np.clip([found.low, found.high], least, 1.0))
+            ends = part[list(columns)].iloc[0] if len(part) == 1 else over_runs
             row |= dict(zip(columns, map(float, ends), strict=True))
         rows.append({**row, "runs": len(part)})
     return pd.DataFrame(rows)

@@ -240,10 +240,14 @@ def test_the_profile_of_causes_is_drawn(made, tmp_path):
     rows = pd.DataFrame(find_causes(FailsWhere(made, heavier_than(1.5)), made).rows())
     causes_plot(rows, tmp_path / "causes.png")
     assert (tmp_path / "causes.png").stat().st_size > 1000
-    twice = pd.concat([rows, rows.assign(effect=rows["effect"] * 0.5)])
+    twice = pd.concat([rows, rows.assign(effect=rows["effect"] * 0.5, attributed=rows["attributed"] * 0.5)])
     profile = profile_of_causes(twice)
     (mass,) = profile[profile.group == "Mass"].to_dict("records")
-    assert mass["runs"] == 2 and mass["effect"] == 0.75 and mass["effect_low"] < 0.75 < mass["effect_high"]
+    assert mass["runs"] == 2 and mass["effect"] == 0.75
+    assert (mass["effect_low"], mass["effect_high"]) == (-1, 1) and (
+        mass["attributed_low"],
+        mass["attributed_high"],
+    ) == (0, 1)
     with pytest.raises(SegarError, match=r"figure must be one of effect, attributed"):
         causes_plot(rows, figure="cause")
     with pytest.raises(SegarError, match=r"ends in none of"):
