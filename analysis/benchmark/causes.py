@@ -53,8 +53,8 @@ def shift_effects(causes: pd.DataFrame) -> dict[tuple[str, str, int], float]:
 
 def effects_on(name: str, causes: pd.DataFrame) -> pd.DataFrame:
     """The effect of each group on each row that played the twins of a suite, mean over seeds: columns ``row``, ``group``,
-    ``differs``, ``estimate``, ``low``, ``high``, ``runs``."""
-    of_suite = keep(causes, causes["suite"] == name)
-    found = [profile_of_causes(part).assign(row=row) for row, part in of_suite.groupby("row", sort=True, dropna=False)]
-    names = {"effect": "estimate", "effect_low": "low", "effect_high": "high"}
-    return pd.concat(found, ignore_index=True).rename(columns=names)
+    ``differs``, ``estimate``, ``low``, ``high`` (over seeds; none of one seed), ``runs``."""
+    by_row = select(causes, suite=name).groupby("row", sort=True, dropna=False)
+    found = pd.concat([profile_of_causes(part).assign(row=row) for row, part in by_row], ignore_index=True)
+    found.loc[found["runs"] == 1, ["effect_low", "effect_high"]] = np.nan  # over levels: those of others are over seeds
+    return found.rename(columns={"effect": "estimate", "effect_low": "low", "effect_high": "high"})

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pytest
 from mlflow import MlflowClient
 
-from segar.analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
+from segar.analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, effects_on, shift_effects
 from segar.analysis.benchmark.leaderboard_page import escaped, named, page_text, place_text, practice_table, rows_table
 from segar.analysis.benchmark.make import BOARD, CAUSES, PAGE, PROFILE, SCORES, report_rows
 from segar.analysis.benchmark.scores import (
@@ -193,6 +193,17 @@ def test_a_planted_cause_is_found_on_its_twins_and_on_no_control():
 def test_of_several_groups_that_differ_the_shift_is_all_of_them():
     causes = pd.DataFrame({"group": ["Mass", "Size", "all"], "differs": True, "effect": [0.1, 0.2, 0.4]})
     assert shift_effects(causes.assign(row="mine", suite="a-v1", seed=1)) == {("mine", "a-v1", 1): 0.4}
+
+
+def test_an_effect_of_one_seed_has_no_interval_over_seeds():
+    lines = [("test", seed, level, level < 2) for seed in (1, 2) for level in range(9)]
+    lines += [("twin-Mass", seed, level, level < 4 * seed) for seed in (1, 2) for level in range(9)]
+    episodes = pd.DataFrame(lines, columns=["levels", "seed", "level", "success"]).assign(suite="a-v1")
+    causes = causes_in(episodes)
+    found = effects_on("a-v1", pd.concat([causes.assign(row="two"), causes[causes.seed == 1].assign(row="one")]))
+    one, two = found.sort_values("row").to_dict("records")
+    assert one["estimate"] == pytest.approx(2 / 9) and np.isnan([one["low"], one["high"]]).all()
+    assert two["estimate"] == pytest.approx(4 / 9) and (two["low"], two["high"]) == (-1, 1)
 
 
 def test_every_row_but_the_references_has_the_effect_of_the_shift_where_training_and_test_differ(table, causes):
