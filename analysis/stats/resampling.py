@@ -59,8 +59,7 @@ def mean_of_units(
 
 def partial(values: Floats) -> float:
     """The correlation of the first two columns given the others, which have a constant among them."""
-    left = residuals(values[:, :2], values[:, 2:])
-    return cosine(left[:, 0], left[:, 1])
+    return cosine(*residuals(values[:, :2], values[:, 2:]).T)
 
 
 def cluster_jackknife(
@@ -127,6 +126,8 @@ def permutation_of_blocks(
     """
     require(table, x, y, *PANEL, "seed", "n")
     a, b = column(table, x), column(table, y)
+    if not np.isfinite(given).all():
+        raise SegarError(f"a covariate of {x} and {y} has missing values: nothing to permute")
     left, right = residuals(a, given), residuals(b, given)
     if not all(np.linalg.norm(rest) > 1e-9 * np.linalg.norm(whole) for rest, whole in ((left, a), (right, b))):
         raise SegarError(f"{x} or {y} has missing values or does not vary given the covariates: nothing to permute")
@@ -144,8 +145,7 @@ def permutation_of_blocks(
         for mine in blocks_of:
             source[mine] = rng.permutation(mine)
         dealt = grid[source[blocks], places]
-        dealt -= given @ (hat @ dealt)
-        hits += abs(cosine(dealt, right)) >= abs(observed) - 1e-12
+        hits += abs(cosine(dealt - given @ (hat @ dealt), right)) >= abs(observed) - 1e-12
     p = (hits + 1) / (resamples + 1)
     return Estimate(observed, np.nan, np.nan, len(table), p, note="a permutation gives no interval")
 

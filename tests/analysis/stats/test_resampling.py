@@ -114,6 +114,8 @@ def test_nothing_to_permute_says_so():
     table["w2"] = [np.nan, *rng().random(len(table) - 1)]
     with pytest.raises(SegarError, match="has missing values"):
         permutation_of_blocks(table, "w2", "gap", given_panel(table), rng())
+    with pytest.raises(SegarError, match="a covariate of gap and w2 has missing values"):
+        permutation_of_blocks(table, "gap", "w2", np.full((len(table), 1), np.nan), rng())
     one = grid(rng(0), seeds=1)
     with pytest.raises(SegarError, match="one block"):
         permutation_of_blocks(one, "w2", "gap", given_panel(one), rng())
