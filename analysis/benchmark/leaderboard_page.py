@@ -87,10 +87,10 @@ def escaped(text: str) -> str:
 
 
 def number(value: float, digits: int = 2) -> str:
-    """A number as the page has it; a dash where there is none. No zero has a sign."""
+    """A number as the page has it; a dash where there is none. No zero has a sign, and sums in another order the same text."""
     if pd.isna(value):
         return "–"
-    return f"{round(float(value), digits) + 0.0:.{digits}f}"
+    return f"{round(round(float(value), 9), digits) + 0.0:.{digits}f}"
 
 
 def interval(line: Mapping[str, float]) -> str:

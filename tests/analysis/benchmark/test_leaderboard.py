@@ -13,7 +13,15 @@ import pytest
 from mlflow import MlflowClient
 
 from segar.analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, effects_on, shift_effects
-from segar.analysis.benchmark.leaderboard_page import escaped, named, page_text, place_text, practice_table, rows_table
+from segar.analysis.benchmark.leaderboard_page import (
+    escaped,
+    named,
+    number,
+    page_text,
+    place_text,
+    practice_table,
+    rows_table,
+)
 from segar.analysis.benchmark.make import BOARD, CAUSES, PAGE, PROFILE, SCORES, report_rows
 from segar.analysis.benchmark.scores import (
     DRAWN,
@@ -377,3 +385,7 @@ def test_rows_that_nobody_has_verified_say_so_in_every_table(tmp_path, monkeypat
 def test_what_a_row_says_is_no_markup_of_the_page():
     text = escaped("<img src=x onerror=alert(1)> | [a](javascript:b)\n`c` *d*")
     assert not set("<>\n") & set(text) and text.count("\\") == 7
+
+
+def test_a_number_between_two_of_its_digits_has_one_text_whatever_the_order_of_its_sum():
+    assert 0.1 + 0.2 - 0.285 != 0.015 and number(0.1 + 0.2 - 0.285) == number(0.015)
