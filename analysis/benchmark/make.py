@@ -1,5 +1,6 @@
 """Makes tables, figures and the leaderboard page of a folder of rows, and tracks a row in MLflow beside its training runs."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ DIGITS = 6  # of numbers in CSV files
 SCORES, BOARD, CAUSES = "scores.csv", "leaderboard.csv", "causes.csv"
 MARK = "(not verified)"  # of rows that nobody has played again here
 PROFILE, PAGE = "profile", "leaderboard.md"
+LINK_UP = re.compile(r"\[([^]]*)\]\(\.\./[^)]*\)")  # to documentation, which lies beside the shipped rows alone
 
 
 def report_rows(
@@ -66,7 +68,8 @@ def report_rows(
     if shown := shown_rows(board):
         save_figure(profile_figure(board, shown, list(suites)), folder / PROFILE, (".png",))
     panel = pd.DataFrame(read_panel(folder / PANEL)) if (folder / PANEL).exists() else None
-    write_text(folder / PAGE, with_marks(page_text(rows, table, board, causes, suites, panel), marks))
+    text = with_marks(page_text(rows, table, board, causes, suites, panel), marks)
+    write_text(folder / PAGE, text if folder == SHIPPED else LINK_UP.sub(r"\1", text))
     print(f"{counted(len(here), 'row')} here, {counted(len(rows) - len(here), 'other')}: {folder / PAGE}", flush=True)
     settings = construct(TrackingConfig, tracking or {"name": "none"}, "tracking")
     if row in rows and settings.name != "none":

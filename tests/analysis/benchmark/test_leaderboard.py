@@ -377,6 +377,7 @@ def test_rows_that_nobody_has_verified_say_so_in_every_table(tmp_path, monkeypat
     row.write_text(json.dumps({**data, "hash": hash_of(data)}))
     report_rows(folder)
     page = (folder / PAGE).read_text()
+    assert all((folder / path).is_file() for path in re.findall(r"\]\(([^)#]+)[^)]*\)", page))
     assert page.count("`script` (not verified)") == page.count("`script`") > 10 and page.count("(not verified)") > 10
     for name in (SCORES, BOARD):
         assert {one for one in pd.read_csv(folder / name)["row"] if "script" in one} == {"script (not verified)"}
