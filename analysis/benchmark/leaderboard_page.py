@@ -48,7 +48,7 @@ def page_text(
     unaided = without_privileged(rows, table)
     learners = learners_on(unaided, suites[OVERALL])
     repeated = generalizability(learners, DRAWN, "row", "suite", "seed")
-    timed = keep(learners, learners[WEIGHTED].notna() & ~learners["row"].isin(memorisers(board)))
+    timed = learners_on(keep(unaided, unaided[WEIGHTED].notna()), suites[OVERALL])
     members = [name for axis, names in suites.items() if axis != OVERALL for name in names]
     environment = templates(Path(__file__).parent, keep_trailing_newline=True)
     environment.filters["interval"] = lambda one: interval(vars(one))
@@ -117,8 +117,7 @@ def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFr
     overall = select(board, axis=OVERALL)
     lines_of = {(one["quantity"], one["row"]): one for one in overall.to_dict("records")}  # type: ignore[var-annotated]
     unaided = without_privileged(rows, table)
-    found, last = places_of(unaided, suites), (len(rows) + 1, 0)
-    by_time = places_of(keep(unaided, ~unaided["row"].isin(memorisers(board))), suites, WEIGHTED)
+    found, by_time, last = places_of(unaided, suites), places_of(unaided, suites, WEIGHTED), (len(rows) + 1, 0)
     lines = []
     for name in sorted(select(overall, quantity=DRAWN)["row"], key=lambda one: (found.get(one, last), one)):
         unknown: Mapping[str, Any] = dict.fromkeys(("estimate", "low", "high", "suites_low"), math.nan)
@@ -170,12 +169,6 @@ def is_privileged(row: Row) -> bool:
 def without_privileged(rows: Mapping[str, Row], table: pd.DataFrame) -> pd.DataFrame:
     """The lines of rows that are not privileged, which alone have places and tell whether methods can be ranked."""
     return keep(table, ~table["row"].isin([name for name, row in rows.items() if is_privileged(row)]))
-
-
-def memorisers(board: pd.DataFrame) -> list[str]:
-    """The rows that surely solve more of the practice levels than of drawn ones, of whom practice levels say nothing."""
-    gained = select(board, axis=OVERALL, quantity="practice_minus_drawn")
-    return [*keep(gained, gained["low"] > 0)["row"]]
 
 
 def practice_table(rows: Mapping[str, Row], board: pd.DataFrame) -> str:

@@ -22,8 +22,8 @@ from segar.suites import AXES, outline
 
 IDLE, RANDOM, PLANNER = REFERENCES
 # Success corrected for chance on drawn levels and on the frozen ones: 0 is that of random play, 1 the planner's; the steps on
-# drawn levels that both solved, over the planner's; and success weighted by time (Yokoyama et al. 2021): the mean over frozen
-# test levels of the planner's steps over the method's, at most 1, and of 0 where it fails.
+# drawn levels that both solved, over the planner's; and success weighted by time (Yokoyama et al. 2021): the mean over drawn
+# levels of the planner's steps over the method's, at most 1, and of 0 where it fails.
 DRAWN, PRACTICE, TIME, WEIGHTED = "drawn", "practice", "time", "success_by_time"
 ENDS = ("low", "high")
 OVERALL = "all"  # of the axes
@@ -32,7 +32,7 @@ FIGURES = {  # of a row on a suite, and what pages call them
     DRAWN: "success above chance, drawn",
     PRACTICE: "success above chance, practice",
     TIME: "time",
-    WEIGHTED: "success weighted by time",
+    WEIGHTED: "success weighted by time, drawn",
     "train_return": "return, training",
     "test_return": "return, test",
     "gap": "gap",
@@ -80,23 +80,22 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
             line |= {"suite_hash": piece.suite_hash, "seed": piece.seed}
             line[EFFECT] = effects.get((name, piece.suite, piece.seed), np.nan)
             for side in (side for side in SIDES if side in piece.levels):
-                *own, paces = means[row.folder][piece.suite, piece.seed, side]
-                own = [float(one.mean()) for one in own]
+                own = [float(one.mean()) for one in means[row.folder][piece.suite, piece.seed, side]]
                 line |= {f"{side}_return": own[0], f"{side}_success": own[1]}
                 keys = [(player, piece.suite, side, piece.levels[side]) for player in (RANDOM, IDLE, PLANNER)]
                 if not all(key in played for key in keys):
                     continue
                 reached = [np.mean(played[key], axis=0) for key in keys]
-                returns, solved, pace = (Baselines(*one) for one in zip(*reached, strict=True))
+                returns, solved = (Baselines(*one) for one in zip(*reached, strict=True))
                 line[{"train": "train_score", "test": "score"}[side]] = float(returns.normalised(own[0]))
                 if side == "test":
                     line["regret"] = float(returns.regret(own[0]))
                     chance = solved.random.mean()
                     line[PRACTICE] = (own[1] - chance) / (solved.oracle.mean() - chance)
-                    # Where the planner failed, whoever solves the level took no longer.
-                    line[WEIGHTED] = float(np.minimum(paces / np.maximum(pace.oracle, 1e-9), 1).mean())
             if one := drawn.get((piece.suite, piece.seed)):
                 line |= {DRAWN: one.corrected, TIME: one.steps / one.planner_steps if one.planner_steps else np.nan}
+                # Rows whose levels were drawn before it was kept have none.
+                line[WEIGHTED] = np.nan if one.by_time is None else one.by_time / one.count
             lines.append(line)
     table = pd.DataFrame(lines).reindex(columns=["row", "axis", "suite", "suite_hash", "seed", *FIGURES])
     return table.assign(
@@ -105,15 +104,14 @@ def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
 
 
 def level_means(row: Row) -> dict[tuple[str, int, str], Floats]:
-    """The mean return, success and success over steps on each level, float64 ``(3, levels)``, by suite, seed and side.
+    """The mean return and success on each level, float64 ``(2, levels)``, by suite, seed and side.
 
     Raises:
         RunFolderError: a suite is another version here, or the row has not all of its test levels, others, or some of them
             more often.
     """
     episodes = row.results().to_pandas()
-    episodes["pace"] = episodes["success"] / episodes.get("length", np.nan)
-    played = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success", "pace"]]
+    played = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]]
     means, counts = played.mean(), played.size()
     for piece in row.pieces:
         n, of = len(suite_of(row, piece).test_levels), counts.loc[piece.suite, piece.seed, "test"]
