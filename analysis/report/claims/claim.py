@@ -112,6 +112,10 @@ class Claim:
         found = verdicts.combined(one.verdict for one in self.tests(settings, runs))
         return verdicts.UNDECIDED if self.taken_by(settings, runs) else found
 
+    def last_verdict(self, readings: Sequence[str]) -> str:
+        """The verdict in the last of these settings in which the claim has a test."""
+        return [found for one in readings if (found := self.verdict(one))][-1]
+
     def taken_by(self, settings: str, runs: str = "") -> float:
         """The corrected p that takes a verdict away which its tests support by themselves; 0 where none does."""
         found = verdicts.combined(one.verdict for one in self.tests(settings, runs))

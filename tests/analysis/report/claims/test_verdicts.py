@@ -96,6 +96,8 @@ def test_the_two_metrics_of_a_claim_are_kept_apart_and_runs_that_learned_lead():
     assert (claim.verdict(METRIC_2022), claim.verdict(METRIC_OURS)) == (SUPPORTED, UNDECIDED)
     assert claim.verdict(METRIC_OURS, ALL_RUNS) == SUPPORTED
     assert Claim("x", "something", "somewhere", findings[1:]).verdict(METRIC_2022) == ""
+    of_2022 = Claim("x", "something", "somewhere", findings[:1])
+    assert [one.last_verdict((METRIC_2022, METRIC_OURS)) for one in (claim, of_2022)] == [UNDECIDED, SUPPORTED]
     assert Claim("x", "something", "somewhere").verdict(METRIC_2022) == NOT_TESTABLE
     table = claims_table([claim, Claim("y", "else", "there", needs="more runs")])
     assert list(table["verdict"]) == [SUPPORTED, UNDECIDED, SUPPORTED, NOT_TESTABLE]
