@@ -14,7 +14,7 @@ from segar.engine.runtime.gather import Reads, no_reads
 from segar.errors import ConflictError, RuleError, SegarError
 from segar.language import Layout, Task, WorldRules, default_task
 from segar.levels import Levels, check_crossings, check_levels, hull_radii
-from segar.support import Team
+from segar.support import Team, read_only_view
 
 PART = 32  # environments that a thread takes at a time
 
@@ -133,12 +133,12 @@ class Simulator:
             if vertices.shape[2] == 0:
                 vertices = np.zeros((*vertices.shape[:2], 1, 2))
             arrays = LevelArrays(
-                bits=np.ascontiguousarray(self.source.type_masks[levels.types]),
-                kind=np.ascontiguousarray(levels.shape_kind, np.int8),
-                count=np.ascontiguousarray(levels.vertex_count, np.int16),
-                vertex=np.ascontiguousarray(vertices),
-                hull_radius=np.ascontiguousarray(radii),
-                parameters=np.ascontiguousarray(levels.parameters),
+                bits=read_only_view(np.ascontiguousarray(self.source.type_masks[levels.types])),
+                kind=read_only_view(np.ascontiguousarray(levels.shape_kind, np.int8)),
+                count=read_only_view(np.ascontiguousarray(levels.vertex_count, np.int16)),
+                vertex=read_only_view(np.ascontiguousarray(vertices)),
+                hull_radius=read_only_view(np.ascontiguousarray(radii)),
+                parameters=read_only_view(np.ascontiguousarray(levels.parameters)),
             )
             self._level_arrays = levels, arrays
         return self._level_arrays[1]

@@ -55,7 +55,7 @@ from .json_forms import (
     data_in as data_in,
     shown as shown,
 )
-from .kept_arrays import read_only as read_only
+from .kept_arrays import read_only as read_only, read_only_view as read_only_view
 from .notebooks import ShownInNotebooks as ShownInNotebooks, templates as templates
 from .npz import (
     damage_told as damage_told,

@@ -32,6 +32,7 @@ RATE = 1e-3  # [s] of a step of one environment as Python, before any was taken
 
 _plain: dict[str, ModuleType] = {}  # by the names that generated modules import them by
 _running: dict[str, "RunningKernel"] = {}  # by source
+_one_at_a_time = threading.Lock()  # Python 3.11 cannot parse two sources at once: SystemError
 
 
 def running_kernel(source: KernelSource) -> "RunningKernel":
@@ -40,9 +41,10 @@ def running_kernel(source: KernelSource) -> "RunningKernel":
     Raises:
         SegarError: see :func:`segar.support.patience`.
     """
-    kernel = _running.get(source.text)
-    if kernel is None:
-        kernel = _running[source.text] = RunningKernel(source, patience())
+    with _one_at_a_time:
+        kernel = _running.get(source.text)
+        if kernel is None:
+            kernel = _running[source.text] = RunningKernel(source, patience())
     if kernel.is_python and (patience() <= 0 or is_compiled(kernel_path(source.text))):
         kernel.use_machine_code()
     return kernel

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from segar.support import cached
+from segar.support import cached, read_only_view
 
 _options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
@@ -23,9 +23,9 @@ class Reads(NamedTuple):
 
 
 def no_reads() -> Reads:
-    """A table without columns."""
-    nothing = np.zeros((0, 0), np.int64)
-    return Reads(nothing, nothing, nothing, 0.0, 0.0, np.zeros((0, 0)), nothing)
+    """A table without columns, of the same kinds of arrays as others, so that one kernel serves both."""
+    nothing, types, parameters = (np.zeros((0, 0), kind) for kind in (np.int64, np.int16, np.float64))
+    return Reads(read_only_view(types), nothing, nothing, 0.0, 0.0, read_only_view(parameters), nothing)
 
 
 @cached(**_options)

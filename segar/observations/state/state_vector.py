@@ -17,6 +17,7 @@ from segar.engine import Call, Given, Reads, Rows, call_of, gather
 from segar.levels import Levels
 from segar.observations.state.places import lay_out, shift_and_scale
 from segar.observations.state.state_options import FACTOR_LIMIT, StateOptions
+from segar.support import read_only_view
 
 
 @dataclass(frozen=True)
@@ -86,15 +87,16 @@ class BoundStateVector:
         places = lay_out(state, levels.layout)
         shift, scale = shift_and_scale(state, places, levels)
         self.names, self._mask, self._states = places.names, state.mask, levels.values.shape[1:]
-        parameters, missing = np.ascontiguousarray(levels.parameters), float(state.missing)
+        types, parameters = read_only_view(levels.types), read_only_view(np.ascontiguousarray(levels.parameters))
+        missing = float(state.missing)
         self._read = (
-            levels.types, places.reads, places.type_reads, parameters, places.parameter_reads, places.seen, shift, scale,
+            types, places.reads, places.type_reads, parameters, places.parameter_reads, places.seen, shift, scale,
             missing, FACTOR_LIMIT,
         )  # fmt: skip
         self.reads: Reads | None = None
         if places.seen is None and shift is None and self._mask is None:
             self.reads = Reads(
-                levels.types, places.reads, places.type_reads, missing, FACTOR_LIMIT, parameters, places.parameter_reads
+                types, places.reads, places.type_reads, missing, FACTOR_LIMIT, parameters, places.parameter_reads
             )
         box = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, places.shape, np.float32)
         self.space: gymnasium.Space = box

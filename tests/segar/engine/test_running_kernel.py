@@ -1,10 +1,14 @@
 """A world runs as plain Python until another process has compiled it: the same bits all along, and no half steps."""
 
 import hashlib
+import pickle
 import sys
+import time
+from threading import Thread
 
 import numpy as np
 import pytest
+from numba import typeof
 
 import segar
 from segar.engine.compiler import kernel_cache
@@ -153,3 +157,38 @@ def test_patient_functions_of_the_package_do_not_depend_on_how_they_run():
         arrays[1][::2] = 5
         counted.append((function(reward, over, 7, *arrays), [one.tolist() for one in arrays]))
     assert counted[0] == counted[1]
+
+
+def test_one_machine_code_serves_all_observations_and_levels_that_were_pickled(anew, monkeypatch):
+    """Numba compiles a kernel for each kind of its arguments, and takes arrays that cannot be written for another kind."""
+    found, take = set(), RunningKernel.steps_as_python
+
+    def note(kernel, arguments, steps):
+        found.add(tuple(map(typeof, arguments)))
+        return take(kernel, arguments, steps)
+
+    monkeypatch.setattr(RunningKernel, "steps_as_python", note)
+    levels = segar.family(FAMILY).sample(3, seed=0)
+    for given in (levels, pickle.loads(pickle.dumps(levels))):
+        for observation in ("state", "rgb"):
+            env = VectorEnv(given, 2, observation=observation, seed=0)
+            env.reset()
+            env.step(np.zeros((2, 2), np.float32))
+    assert len(found) == 1
+
+
+def test_threads_that_begin_one_world_at_once_make_one_kernel(anew, monkeypatch):
+    made, levels, begin = [], segar.family(FAMILY).sample(3, seed=0), RunningKernel.__init__
+
+    def slowly(kernel, source, patience):
+        made.append(time.sleep(0.05))
+        begin(kernel, source, patience)
+
+    monkeypatch.setattr(RunningKernel, "__init__", slowly)
+    done = []
+    threads = [Thread(target=lambda: done.append(VectorEnv(levels, 2, observation="state", seed=0))) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert (len(done), len(made)) == (8, 1)
