@@ -244,10 +244,8 @@ def test_the_profile_of_causes_is_drawn(made, tmp_path):
     profile = profile_of_causes(twice)
     (mass,) = profile[profile.group == "Mass"].to_dict("records")
     assert mass["runs"] == 2 and mass["effect"] == 0.75
-    assert (mass["effect_low"], mass["effect_high"]) == (-1, 1) and (
-        mass["attributed_low"],
-        mass["attributed_high"],
-    ) == (0, 1)
+    assert (mass["effect_low"], mass["effect_high"]) == (-1, 1)
+    assert (mass["attributed_low"], mass["attributed_high"]) == (0, 1)
     with pytest.raises(SegarError, match=r"figure must be one of effect, attributed"):
         causes_plot(rows, figure="cause")
     with pytest.raises(SegarError, match=r"ends in none of"):
