@@ -133,12 +133,12 @@ class Simulator:
             if vertices.shape[2] == 0:
                 vertices = np.zeros((*vertices.shape[:2], 1, 2))
             arrays = LevelArrays(
-                bits=read_only_view(np.ascontiguousarray(self.source.type_masks[levels.types])),
-                kind=read_only_view(np.ascontiguousarray(levels.shape_kind, np.int8)),
-                count=read_only_view(np.ascontiguousarray(levels.vertex_count, np.int16)),
-                vertex=read_only_view(np.ascontiguousarray(vertices)),
-                hull_radius=read_only_view(np.ascontiguousarray(radii)),
-                parameters=read_only_view(np.ascontiguousarray(levels.parameters)),
+                bits=read_only_view(self.source.type_masks[levels.types]),
+                kind=read_only_view(levels.shape_kind, np.int8),
+                count=read_only_view(levels.vertex_count, np.int16),
+                vertex=read_only_view(vertices),
+                hull_radius=read_only_view(radii),
+                parameters=read_only_view(levels.parameters),
             )
             self._level_arrays = levels, arrays
         return self._level_arrays[1]

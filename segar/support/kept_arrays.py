@@ -10,8 +10,9 @@ def read_only(array: np.ndarray) -> np.ndarray:
     return kept
 
 
-def read_only_view(array: np.ndarray) -> np.ndarray:
-    """The same memory as an array that cannot be written: machine code is compiled for each kind, and this is one for all."""
-    view = array.view()
+def read_only_view(array: np.ndarray, kind: type | None = None) -> np.ndarray:
+    """A contiguous array that cannot be written, on the same memory where it can be: machine code is compiled for each kind of
+    array, and this is one for all."""
+    view = np.ascontiguousarray(array, kind).view()
     view.flags.writeable = False
     return view

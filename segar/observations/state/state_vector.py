@@ -87,7 +87,7 @@ class BoundStateVector:
         places = lay_out(state, levels.layout)
         shift, scale = shift_and_scale(state, places, levels)
         self.names, self._mask, self._states = places.names, state.mask, levels.values.shape[1:]
-        types, parameters = read_only_view(levels.types), read_only_view(np.ascontiguousarray(levels.parameters))
+        types, parameters = read_only_view(levels.types), read_only_view(levels.parameters)
         missing = float(state.missing)
         self._read = (
             types, places.reads, places.type_reads, parameters, places.parameter_reads, places.seen, shift, scale,
