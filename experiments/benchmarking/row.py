@@ -41,7 +41,7 @@ EPISODES = pa.schema(
         ("seed", pa.int64()),
         ("levels", pa.string()),  # "train", "test", or twins of the test levels: "twin-Mass", "control-place"
         ("level", pa.int64()),  # index in the level set; of a twin, that of its test level
-        ("return", pa.float64()),
+        ("return", pa.float32()),
         ("length", pa.int64()),  # steps
         ("success", pa.bool_()),
         ("death", pa.bool_()),
