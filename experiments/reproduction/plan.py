@@ -165,13 +165,13 @@ def changed_code(works: Collection[RunTask]) -> Changed:
         ConfigError: there are such, and ``stale`` does not say what to do with them.
     """
     found = Changed()
-    codes: dict[str, dict[str, str]] = {}  # by the settings that code depends on
+    codes: dict[str, dict[str, str]] = {}  # by the settings, but for those that no code depends on
     for work in works:
         run, folder = work.run, folder_path(work.run)
         if not (folder / VERSIONS).exists():
             continue
         levels = dataclasses.replace(run.levels, seed=0, count=1)
-        key = repr((levels, run.task, run.observation, run.algorithm))
+        key = repr(dataclasses.replace(run, levels=levels, seed=0))
         codes[key] = codes.get(key) or executed_code(Prepared(run))
         runs = found.finished if is_finished(folder) else found.unfinished
         is_begun = is_finished(folder) or (folder / CHECKPOINT).exists()

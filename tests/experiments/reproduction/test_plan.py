@@ -137,6 +137,15 @@ def test_transfers_of_other_code_are_refused_kept_or_made_anew_without_their_run
     assert (anew.runs[0].transfers_left(), anew.runs[0].frames_left()) == ([first], 0)
 
 
+def test_finished_runs_are_done_whatever_setting_with_code_of_its_own_a_grid_varies(tmp_path):
+    vary = {"curriculum": [None, {"kind": "plr"}, {"kind": "sfl"}]}
+    grid = {"counts": [1], "difficulties": ["easy"], "algorithms": ["ppo_fast", "curl_fast"], "vary": vary}
+    files = {"mine": {**MAIN, "grid": grid}}
+    for work in plan_of(tmp_path, **files).runs:
+        write_run(work.run, code=executed_code(Prepared(work.run)))
+    assert all(work.is_done() for work in plan_of(tmp_path, **files).runs)
+
+
 @pytest.mark.parametrize("whole", [True, False])
 def test_runs_of_other_code_are_refused_before_others_are_trained_kept_or_made_anew(tmp_path, whole):
     files = {"harder": {**HARDER, "grid": {"counts": [1], "difficulties": ["easy"]}}}
