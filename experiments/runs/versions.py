@@ -35,14 +35,15 @@ def computed_with(versions: Mapping[str, Any]) -> str:
 
 def in_words(arithmetic: Mapping[str, Any]) -> str:
     """One :func:`segar.experiments.networks.devices.arithmetic`, e.g. ``AVX2, fp32, 1 thread, portable, AMD EPYC``."""
-    threads = arithmetic["threads"]
-    words = [arithmetic["instruction_set"], arithmetic["precision"], counted(threads, "thread")]
-    words += [arithmetic["device"]] * (arithmetic["device"] != "cpu")
-    if arithmetic["determinism"] != "machine":
-        words.append(arithmetic["determinism"])
+    known = {"device": "cpu", "determinism": "machine", "limits": {}, **arithmetic}  # earlier releases said less
+    threads = counted(known["threads"], "thread") if "threads" in known else ""
+    words = [known.get("instruction_set"), known.get("precision"), threads]
+    words += [known["device"]] * (known["device"] != "cpu")
+    if known["determinism"] != "machine":
+        words.append(known["determinism"])
     else:
-        words += [f"{name}={value}" for name, value in arithmetic["limits"].items()]
-    return ", ".join([*words, arithmetic["processor"]])
+        words += [f"{name}={value}" for name, value in known["limits"].items()]
+    return ", ".join(filter(None, [*words, known.get("processor")]))
 
 
 def git_commit(folder: Path) -> dict[str, Any] | None:

@@ -65,3 +65,11 @@ def test_limits_and_portable_are_in_the_words():
     assert computed_with({"arithmetic": made}) == "AVX512, bf16, 1 thread, MKL_CBWR=AVX2, Xeon"
     portable = {**made, "determinism": "portable", "precision": "fp32", "instruction_set": "AVX2"}
     assert computed_with({"arithmetic": portable}) == "AVX2, fp32, 1 thread, portable, Xeon"
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [({}, ""), ({"precision": "bf16"}, "bf16"), ({"threads": 2, "processor": "Xeon"}, "2 threads, Xeon")],
+)
+def test_of_a_run_of_which_little_is_said_the_words_are_what_is_said(said, words):
+    assert computed_with({"arithmetic": said}) == words
