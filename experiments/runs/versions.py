@@ -39,10 +39,8 @@ def in_words(arithmetic: Mapping[str, Any]) -> str:
     threads = counted(known["threads"], "thread") if "threads" in known else ""
     words = [known.get("instruction_set"), known.get("precision"), threads]
     words += [known["device"]] * (known["device"] != "cpu")
-    if known["determinism"] != "machine":
-        words.append(known["determinism"])
-    else:
-        words += [f"{name}={value}" for name, value in known["limits"].items()]
+    limits = [f"{name}={value}" for name, value in known["limits"].items()]
+    words += limits if known["determinism"] == "machine" else [known["determinism"]]
     return ", ".join(filter(None, [*words, known.get("processor")]))
 
 
