@@ -26,7 +26,7 @@ from segar.experiments.settings import (
     without_files,
 )
 from segar.suites import suites
-from segar.support import object_name
+from segar.support import first_line, object_name
 
 MOST_RUNS = 100_000  # of a sweep or a grid; the largest of the paper has some hundreds
 SEARCH_PATH = "hydra.searchpath"
@@ -170,6 +170,9 @@ def explain_overrides(error: Exception, overrides: Sequence[str], config_name: s
         if group == "levels" and name in suites():
             return f"levels: {name} is a suite, and says what is played, too: {SUITE}={name}, or levels.train={name}"
         return f"no {group} is called '{name}'.{did_you_mean(name, options)}"
+    if wrong := next((text for text in overrides if not parse([text])), ""):
+        about = f"{wrong} cannot be read: {first_line(error)}. A text with such characters takes quotation marks"
+        return f"{about}: \"{wrong.partition('=')[0]}='...'\""
     parsed = parse(overrides)
     for one in parsed:
         if is_choice(one) and not one.is_delete() and not isinstance(one.value(), str | list):

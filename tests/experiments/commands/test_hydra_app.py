@@ -324,3 +324,10 @@ def test_settings_on_both_sides_of_an_option_are_told_to_stand_on_one(monkeypatc
 def test_names_of_which_one_would_count_are_refused(overrides, message):
     with pytest.raises(ConfigError, match=message):
         compose(overrides)
+
+
+@pytest.mark.parametrize("value", ["/runs (1)", "/a [b]", "/lr=0.1", "/Größe [b]"])
+def test_a_value_that_cannot_be_read_is_named_and_can_be_given_in_quotation_marks(value):
+    with pytest.raises(ConfigError, match=r"^root=.* cannot be read: .* quotation marks: \"root='\.\.\.'\"$"):
+        compose(["seed=3", f"root={value}"])
+    assert compose(["seed=3", f"root='{value}'"]).root == value
