@@ -165,7 +165,7 @@ def _require_same(row: Row, piece: Piece, stated: pa.Table, played: pa.Table) ->
     if len(stated) != len(played):
         raise RunFolderError(f"{name}: the row has {len(stated)} episodes, and {len(played)} were played")
     for column in (one for one in stated.column_names if one not in KEYS):
-        there, here = (np.asarray(table[column].combine_chunks()) for table in (stated, played))
+        there, here = (np.asarray(table[column].to_pylist()) for table in (stated, played))
         wrong = np.flatnonzero(there != here)
         if len(wrong):
             i = int(wrong[0])

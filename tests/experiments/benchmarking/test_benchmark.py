@@ -34,6 +34,7 @@ from segar.experiments.benchmarking.playing import read_actions, write_actions
 from segar.experiments.benchmarking.protocol import PLAYERS, SHIPPED, suites_named
 from segar.experiments.benchmarking.row import (
     EPISODES,
+    KEYS,
     NAME,
     ROW,
     TABLE,
@@ -190,6 +191,17 @@ def test_a_row_states_the_levels_of_all_of_its_episodes_and_has_a_test(idle):
 def test_a_changed_episode_is_found_and_named_though_all_hashes_were_made_to_fit(idle):
     with pytest.raises(RunFolderError, match=r"place-few-v1-s1: the return of the episode on test level 5 is .* 1"):
         verify(forged(idle, 30, lambda value: np.nextafter(np.float32(value), np.float32(9))))
+
+
+@pytest.mark.parametrize("column", [name for name in EPISODES.names if name not in KEYS])
+def test_an_episode_that_is_another_in_any_column_is_named_by_it(idle, column):
+    first, *others = idle.episodes()[column].to_pylist()
+    other = next((one for one in others if one != first), not first)
+    place = EPISODES.get_field_index(column)
+    table = idle.episodes().set_column(place, column, pa.array([other, *others], EPISODES.field(column).type))
+    pq.write_table(table, idle.folder / TABLE)
+    with pytest.raises(RunFolderError, match=rf"the {column} of the episode on .* is {other!r} in the row and {first!r}"):
+        verify(edited(idle, files={TABLE: file_hash(idle.folder / TABLE)}))
 
 
 def test_a_table_in_double_precision_as_rows_had_it_before_is_verified(idle):
