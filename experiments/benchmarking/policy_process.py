@@ -30,6 +30,7 @@ from segar.suites import Suite, TrainingSide, hide_tests
 ROWS = 512  # of a batch, at most
 SECONDS = 600.0  # the longest wait for an answer, unless the settings say another one
 END = 5.0  # [s] that a process has to end by itself
+LONGEST = 4000  # characters of an answer
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ class PolicyProcess(AbstractContextManager["PolicyProcess"]):
                     f"policy: {self.name} gave no answer within {self.seconds:g} s, and its process was ended. policy_seconds=N"
                     " waits longer"
                 )
-            problem = self._connection.recv_bytes().decode(errors="replace")
+            problem = self._connection.recv_bytes(4 * LONGEST).decode(errors="replace")  # UTF-8: 4 bytes at most
         except (EOFError, OSError):
             self._process.join(END)
             code = self._process.exitcode
@@ -128,7 +129,7 @@ def _serve(
     """What the process does: make the policy, and act until the other end is closed."""
 
     def tell(problem: str = "") -> None:
-        connection.send_bytes(problem[:4000].encode(errors="replace"))  # in one piece
+        connection.send_bytes(problem[:LONGEST].encode(errors="replace"))  # in one piece
 
     hide_tests()
     os.setsid()  # a group of its own, which ends as a whole

@@ -60,6 +60,12 @@ def stammers(side, seed):
     return lambda observations: time.sleep(os.write(connection.fileno(), b"\0\0\0\7half") * 100)
 
 
+def boasts(side, seed):
+    """Begins an answer that is longer than all memory, and waits."""
+    connection, length = pipe_of_this_process(), (1 << 50).to_bytes(8, "big")
+    return lambda observations: time.sleep(os.write(connection.fileno(), b"\xff\xff\xff\xff" + length) * 100)
+
+
 def leaves_a_child(side, seed):
     """Starts a process that does not end by itself."""
     subprocess.Popen(["sh", "-c", f"exec sleep 1000 > {os.environ['LAB_FIFO']}"])

@@ -294,6 +294,7 @@ def test_wrong_actions_are_refused(tmp_path, actions, said):
         ("of_another_shape", ConfigError, r"actions must have shape \(25, 2\), not \(25, 3\)"),
         ("dies", TrainingError, "ended by itself, with exit code 7"),
         ("stammers", TrainingError, "sent no whole answer"),
+        ("boasts", TrainingError, "sent no whole answer"),
         ("forges", ConfigError, r"\[1\]"),
         (
             "hangs",
