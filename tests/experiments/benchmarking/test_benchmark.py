@@ -200,7 +200,9 @@ def test_an_episode_that_is_another_in_any_column_is_named_by_it(idle, column):
     place = EPISODES.get_field_index(column)
     table = idle.episodes().set_column(place, column, pa.array([other, *others], EPISODES.field(column).type))
     pq.write_table(table, idle.folder / TABLE)
-    with pytest.raises(RunFolderError, match=rf"the {column} of the episode on .* is {other!r} in the row and {first!r}"):
+    with pytest.raises(
+        RunFolderError, match=rf"the {column} of the episode on .* is {other!r} in the row and {first!r}"
+    ):
         verify(edited(idle, files={TABLE: file_hash(idle.folder / TABLE)}))
 
 
