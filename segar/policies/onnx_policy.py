@@ -12,6 +12,10 @@ from segar.support import content_of, file_limit, need
 
 ELSEWHERE = "session.model_external_initializers_file_folder_path"
 MEMORY = 2 * 2**30  # [bytes] of all numbers that models may compute at a time, unless SEGAR_FILE_LIMIT says another
+DRAWS = "its draws are others each time it is played, so export the action without noise"
+REFUSED = {"Loop": "a Loop may never end, so write its steps out"} | dict.fromkeys(
+    ("RandomNormal", "RandomUniform", "Multinomial", "Bernoulli"), DRAWS
+)
 DTYPES = {"tensor(float)": np.dtype(np.float32), "tensor(uint8)": np.dtype(np.uint8)}
 
 
@@ -21,8 +25,8 @@ class OnnxPolicy:
     The first input is an observation, float32 or uint8 ``(n, ...)``, and the first output the action, float32 ``(n,
     components)`` in the range of the task. A second input and a second output, float32 ``(n, numbers)``, are a memory, which is
     zero where episodes begin. The number ``n`` of environments is free. Nothing is read but the file, and nothing in it is
-    Python code; what it computes may take 2 GiB, and has no Loop. The last bits of what onnxruntime computes may differ
-    between processors.
+    Python code; what it computes may take 2 GiB, and neither loops nor draws. The last bits of what onnxruntime computes may
+    differ between processors.
 
     Args:
         path: of the file.
@@ -45,8 +49,9 @@ class OnnxPolicy:
         onnxruntime.create_and_register_allocator(onnxruntime.OrtMemoryInfo("Cpu", *of_processor), arena)
         options.add_session_config_entry("session.use_env_allocators", "1")
         content = content_of(self.path, "ONNX file", SegarError)
-        if b"Loop" in content:
-            raise self._misfit("it has a Loop, or a name with this word; a Loop may never end, so write its steps out")
+        for word, why in REFUSED.items():
+            if word.encode() in content:
+                raise self._misfit(f"it has a {word}, or a name with this word; {why}")
         try:
             self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # those of onnxruntime have nothing else in common

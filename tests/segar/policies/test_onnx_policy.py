@@ -95,10 +95,15 @@ def test_a_small_model_does_not_take_all_memory(tmp_path):
         OnnxPolicy(tmp_path / "large.onnx")(np.zeros((3, 9), np.float32))
 
 
-def test_a_model_that_may_never_end_is_refused(tmp_path):
-    linear(tmp_path / "endless.onnx", (3,))
-    model = onnx.load(tmp_path / "endless.onnx")
-    model.graph.node.append(onnx.helper.make_node("Loop", ["", "goes", "observation"], ["late"]))
-    onnx.save(model, tmp_path / "endless.onnx")
-    with pytest.raises(SegarError, match=r"endless\.onnx: it has a Loop"):
-        OnnxPolicy(tmp_path / "endless.onnx")
+@pytest.mark.parametrize(
+    "word", ["Loop", "RandomNormal", "RandomUniform", "RandomNormalLike", "Multinomial", "Bernoulli"]
+)
+def test_a_model_that_may_never_end_or_draws_is_refused(tmp_path, word):
+    linear(tmp_path / "other.onnx", (3,))
+    model = onnx.load(tmp_path / "other.onnx")
+    model.graph.node.append(onnx.helper.make_node(word, ["observation"], ["late"]))
+    onnx.save(model, tmp_path / "other.onnx")
+    with pytest.raises(
+        SegarError, match=rf"other\.onnx: it has a {word.removesuffix('Like')}, or .*; .* so (write|export)"
+    ):
+        OnnxPolicy(tmp_path / "other.onnx")
