@@ -73,18 +73,16 @@ def kept(table: pd.DataFrame, x: str, y: str, names: NDArray[Any], rule: str) ->
 
 
 def holm(p: Any) -> Floats:
-    """Holm's step-down correction of p-values [n], or of each column of [n, m]; nan stays, and does not count as a test.
+    """Holm's step-down correction of p-values [n]; nan stays, and does not count as a test.
 
     As statsmodels' ``multipletests``, which collects garbage at each call and so takes 0.1 s.
     """
     p = np.asarray(p, np.float64)
-    order = np.argsort(p, axis=0)  # nan last
-    tests = np.isfinite(p).sum(axis=0)
-    rank = np.arange(len(p)).reshape(-1, *[1] * (p.ndim - 1))
-    stepped = np.maximum.accumulate(np.take_along_axis(p, order, 0) * (tests - rank), axis=0)
+    order = np.argsort(p)  # nan last
+    stepped = np.maximum.accumulate(p[order] * (np.isfinite(p).sum() - np.arange(len(p))))
     out = np.empty_like(p)
-    np.put_along_axis(out, order, np.minimum(stepped, 1.0), 0)
-    return np.where(np.isfinite(p), out, np.nan)
+    out[order] = np.minimum(stepped, 1.0)
+    return out
 
 
 def keys(table: pd.DataFrame, names: Sequence[str]) -> NDArray[np.int64]:
