@@ -37,12 +37,18 @@ def associations(table: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
     """
     require(table, x, y, *PANEL, "n")
     names, words = keys(table, PANEL), labels(table, PANEL)
+    whole = [column(table, name) for name in (x, y)]
+    given = np.column_stack([np.ones(len(table)), indicators(names)])
+    rules = {
+        "kept": np.ones(len(table), np.bool_),
+        "removed: points": without_outliers(*whole),
+        "removed: residuals": without_outliers(*(residuals(one, given) for one in whole)),
+    }
     rows: list[dict[str, Any]] = []
-    for rule in ("kept", "removed: points", "removed: residuals"):
-        keep = kept(table, x, y, names, rule)
+    for rule, keep in rules.items():
         part, part_names = table.loc[keep], names[keep]
         removed = int((~keep).sum())
-        a, b = (column(part, name) for name in (x, y))
+        a, b = (one[keep] for one in whole)
         panels = indicators(part_names)
         tests = [("pooled", "", correlate(a, b)), ("given panel", "", correlate(a, b, panels))]
         both, cells = np.column_stack([panels, logarithms(part, "n")]), indicators(keys(part, [*PANEL, "n"]))
@@ -59,17 +65,6 @@ def associations(table: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
     for _, group in found[within].groupby(["method", "outliers"], dropna=False):
         found.loc[group.index, "p_holm"] = holm(np.asarray(group["p"]))
     return found
-
-
-def kept(table: pd.DataFrame, x: str, y: str, names: NDArray[Any], rule: str) -> NDArray[np.bool_]:
-    """Which rows an outlier rule keeps: "kept", "removed: points" or "removed: residuals", see :func:`associations`."""
-    a, b = (column(table, name) for name in (x, y))
-    if rule == "kept":
-        return np.ones(len(table), np.bool_)
-    if rule == "removed: residuals":
-        given = np.column_stack([np.ones(len(table)), indicators(names)])
-        a, b = residuals(a, given), residuals(b, given)
-    return without_outliers(a, b)
 
 
 def holm(p: Any) -> Floats:
