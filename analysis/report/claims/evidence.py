@@ -131,17 +131,16 @@ class Evidence:
         """The primary analysis: mixed models of the gap, with and without log n; slopes per standard deviation."""
         rows = []
         seeds = ("seed",) if count_of(self.results.main, "seed") > 1 else ()
-        for mode in self.modes:
-            for gap in ("gap", "gap_2022"):
-                for x, log in (([f"w2_{mode}"], []), ([f"w2_{mode}", "n"], ["n"])):
-                    base = {"w2": mode, "gap": gap, "model": f"gap ~ {' + '.join(['W2', *(['log n'] if log else [])])}"}
-                    try:
-                        model = mixed_model(self.results.main, gap, x, (PANEL, *seeds), log=log, standardise=True)
-                    except SegarError as error:
-                        rows.append(Estimate.missing(len(self.results.main), str(error)).row(**base, term=f"w2_{mode}"))
-                        continue
-                    fixed = keep(model.fixed, model.fixed["term"] != "intercept")
-                    rows += [{**base, **row, "note": row["note"] or model.note} for row in fixed.to_dict("records")]
+        for mode, gap, log in product(self.modes, ("gap", "gap_2022"), ([], ["n"])):
+            base = {"w2": mode, "gap": gap, "model": "gap ~ W2 + log n" if log else "gap ~ W2"}
+            x = [f"w2_{mode}", *log]
+            try:
+                model = mixed_model(self.results.main, gap, x, (PANEL, *seeds), log=log, standardise=True)
+            except SegarError as error:
+                rows.append(Estimate.missing(len(self.results.main), str(error)).row(**base, term=f"w2_{mode}"))
+                continue
+            fixed = keep(model.fixed, model.fixed["term"] != "intercept")
+            rows += [{**base, **row, "note": row["note"] or model.note} for row in fixed.to_dict("records")]
         return pd.DataFrame(rows)
 
     @cached_property
