@@ -10,7 +10,7 @@ import pandas as pd
 
 from segar.analysis.distances import COMMON
 from segar.analysis.report.claims.evidence import Evidence
-from segar.analysis.report.results import BLOCK, PANEL, measured, read_results
+from segar.analysis.report.results import BLOCK, NEEDED, PANEL, measured, read_results
 from segar.analysis.runs import LEVEL_SETS, column_name, number_of_pairs
 from segar.analysis.tables import count_of, keep, pick, select
 from segar.errors import did_you_mean
@@ -21,9 +21,6 @@ from segar.experiments.runs.trust import settings_of_file
 from segar.experiments.settings import ConfigError, RunFolderError, add_module_path, flat
 from segar.support import data_in, misfit, read_yaml
 
-NEEDED = ("experiments", "family", "difficulty", "seed", "n", "algorithm", "observation", "run", "frames", "w2_exact",
-          "gap_deterministic", "gap_se_deterministic", "gap_ref_deterministic", "success_train_deterministic",
-          "success_test_deterministic", "test_levels", "hours", "code")  # fmt: skip
 READ = {
     "claims?": ({str: {"test?": str}}, None),
     "module_path?": [str],
