@@ -67,8 +67,10 @@ def digits_of(found: Estimate, digits: int = 2) -> int:
 
 
 def effect(found: Estimate, show: Callable[[float, int], str] = signed) -> tuple[str, str]:
-    """An estimate, and its interval."""
-    return show(found.estimate, digits_of(found)), interval(found)
+    """``−0.65`` and ``[−0.79, −0.44]``: an estimate, and its interval, or a dash in place of one."""
+    digits = digits_of(found)
+    ends = f"[{signed(found.low, digits)}, {signed(found.high, digits)}]"
+    return show(found.estimate, digits), ends if math.isfinite(found.low + found.high) else NONE
 
 
 def effect_of_r(found: Estimate) -> tuple[str, str]:
@@ -82,14 +84,6 @@ def with_interval(found: Estimate) -> str:
     if ends == NONE:
         return f"{value} ({found.note})" if found.note else value
     return f"{value} {ends}"
-
-
-def interval(found: Estimate) -> str:
-    """``[−0.79, −0.44]``, or a dash."""
-    if not (math.isfinite(found.low) and math.isfinite(found.high)):
-        return NONE
-    digits = digits_of(found)
-    return f"[{signed(found.low, digits)}, {signed(found.high, digits)}]"
 
 
 def estimate_text(found: Estimate, name: str = "r") -> str:
