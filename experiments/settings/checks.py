@@ -58,19 +58,18 @@ def require_design(place: str, name: str) -> None:
     ``rule_sets_10`` are levels that share ten rule sets; ``rule_sets_10_near`` and ``rule_sets_10_far`` pick them;
     ``Mass_of_test_30`` are levels of which 30 % have masses as the test distribution has them.
     """
-    target = TARGET_DESIGN.fullmatch(name)
     if object_name(name) or RULE_SETS_DESIGN.fullmatch(name) or MECHANISM_DESIGN.fullmatch(name):
         return
-    if target is None and name.startswith("rule_sets"):
+    if target := TARGET_DESIGN.fullmatch(name):
+        require(float(target[2]) > 0, place, name, "a distance above 0")
+    elif name.startswith("rule_sets"):
         raise ConfigError(f"{place}: '{name}' says no number of rule sets; rule_sets_10 does, and rule_sets_10_near")
-    if target is None and name.startswith("w2_"):
+    elif name.startswith("w2_"):
         raise ConfigError(
             f"{place}: '{name}' says no distance; w2_4.2 does, and w2_x1.2, 1.2 times that of independent sets"
         )
-    if target is None:
-        require_known(place, name, (*DESIGNS, *MATCHED_DESIGNS))
     else:
-        require(float(target[2]) > 0, place, name, "a distance above 0")
+        require_known(place, name, (*DESIGNS, *MATCHED_DESIGNS))
 
 
 def require_seed(place: str, seed: int) -> None:
