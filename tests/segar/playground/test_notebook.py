@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -96,10 +97,13 @@ def test_notebooks_that_read_results_ask_for_an_installation_that_finds_them_fro
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_a_browser_shows_its_cards_pages_and_videos(path: Path, chromium: Chromium, tmp_path: Path):
     import nbformat
+    from jupyter_client import AsyncKernelManager
     from nbclient import NotebookClient
 
     notebook = nbformat.read(path, as_version=4)
-    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    with TemporaryDirectory() as sockets:  # a port that is free now may be another's when the kernel asks for it
+        manager = AsyncKernelManager(transport="ipc", ip=f"{sockets}/kernel")
+        NotebookClient(notebook, manager, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     shown = [output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})]
     ours = [html for html in shown if "<video" not in html]  # a video is as long as an episode of that agent
