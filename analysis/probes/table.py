@@ -1,7 +1,7 @@
 """The probes of a run in one table, beside what they say where the answer is known."""
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -100,14 +100,17 @@ def probe_pairs(pairs: Pairs, rng: np.random.Generator, wanted: Sequence[str], c
 
 def represent(kind: str, frames: Frames, trained: Pairs, folder: Path, rng: np.random.Generator) -> Pairs:
     """Frames in one representation; ``trained`` are the same frames in the run's own. Raises :class:`SegarError`."""
-    made: dict[str, Callable[[], Pairs]] = {
-        TRAINED: lambda: trained,
-        "random encoder": lambda: frames.pairs(untrained(folder, rng).represent),
-        "pixel PCA": lambda: components(frames, rng),
-        IDENTITY: lambda: trained.with_representation(standardised(trained.factors, trained.columns)),
-        "shuffled": lambda: shuffled(trained, rng),
-    }
-    return made[kind]()
+    if kind == TRAINED:
+        return trained
+    if kind == "random encoder":
+        return frames.pairs(untrained(folder, rng).represent)
+    if kind == "pixel PCA":
+        return components(frames, rng)
+    if kind == IDENTITY:
+        return trained.with_representation(standardised(trained.factors, trained.columns))
+    if kind == "shuffled":
+        return shuffled(trained, rng)
+    raise SegarError(f"representation '{kind}' is unknown")
 
 
 def untrained(folder: Path, rng: np.random.Generator) -> PolicyNetwork:

@@ -173,14 +173,17 @@ def test_what_is_not_testable_is_printed_with_the_reason(tmp_path, capsys):
         ({"where": {"difficulty": "medium"}}, "claims.mine.where: no run has difficulty=medium; there are easy, hard."),
         ({"tested_on": "nonsense"}, "claims.mine.tested_on: no agent is tested on 'nonsense'; transfers are empty-hard."),
         ({"of": "algorithm.gama"}, "claims.mine.of: runs do not differ in algorithm.gama; grid.vary has such settings"),
+        ({"expected": None}, "claims.mine.expected: say what you expect: negative, positive, none"),
         ({"of": "results/distanse_to_goal_test"},
          "claims.mine.of: no task has a result 'distanse_to_goal', as results/distanse_to_goal_test asks: puttputt"),
+        ({"on": "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
         ({"test": "nowhere_to_be:found"}, "claims.mine.test: 'nowhere_to_be:found' cannot be imported"),
         ({"test": "correlation", "against": "family"}, "claims.mine.against: the column family holds text, such as 'empty'"),
     ],
 )  # fmt: skip
 def test_a_claim_about_what_no_run_of_the_plan_has_ends_the_plan(tmp_path, claim, message):
     stated = {"says": "x", "test": "mean", "expected": "none", **claim}
+    stated = {key: value for key, value in stated.items() if value is not None}
     with pytest.raises(ConfigError, match=re.escape(message)):
         made(tmp_path, {**STUDY, "claims": {"mine": stated}})
     assert not (tmp_path / "runs").exists()

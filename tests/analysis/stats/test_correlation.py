@@ -78,6 +78,11 @@ def test_what_cannot_be_computed_says_why(x, y, reason):
     assert correlate(x, y).pearson.note == correlate(x, y).spearman.note == reason
 
 
+def test_too_many_covariates_say_so():
+    x, y = rng(15).normal(size=(2, 4))
+    assert correlate(x, y, indicators(["a", "b", "c", "d"])).pearson.note == "4 points are too few for 3 covariates"
+
+
 def test_a_column_that_the_covariates_explain_says_so():
     y = rng(16).normal(size=45)
     found = correlate(np.repeat(np.arange(9.0), 5), y, indicators(list(PANELS))).pearson

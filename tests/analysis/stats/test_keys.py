@@ -68,20 +68,27 @@ def mean_of_y(part):
     return float(part["y"].mean())
 
 
-# Calls, each with the columns that say what belongs together there.
-CALLS = [
-    (lambda table, rng: aggregates(table, "y", rng), ("algorithm", "family", "seed")),
-    (lambda table, rng: probability_of_improvement(table, "y", "ppo", "sac", rng), ("algorithm",)),
-    (lambda table, rng: associations(table, "x", "y"), ("family",)),
-    (lambda table, rng: left_out(table, "y", {"x": ["x"]}), ("family",)),
-    (lambda table, rng: cluster_jackknife(table, mean_of_y, ["family", "seed"]), ("seed",)),
-    (lambda table, rng: permutation_of_blocks(table, "x", "y", np.ones((12, 1)), rng), ("seed",)),
-    (lambda table, rng: mixed_model(table, "y", ["x"]), ("seed",)),
-]
+CALLS = {
+    "algorithm": [
+        lambda table, rng: aggregates(table, "y", rng),
+        lambda table, rng: probability_of_improvement(table, "y", "ppo", "sac", rng),
+    ],
+    "family": [
+        lambda table, rng: aggregates(table, "y", rng),
+        lambda table, rng: associations(table, "x", "y"),
+        lambda table, rng: left_out(table, "y", {"x": ["x"]}),
+    ],
+    "seed": [
+        lambda table, rng: aggregates(table, "y", rng),
+        lambda table, rng: cluster_jackknife(table, mean_of_y, ["family", "seed"]),
+        lambda table, rng: permutation_of_blocks(table, "x", "y", np.ones((12, 1)), rng),
+        lambda table, rng: mixed_model(table, "y", ["x"]),
+    ],
+}
 
 
 @pytest.mark.parametrize("nothing", [None, np.nan])
-@pytest.mark.parametrize(("name", "call"), [(name, call) for call, names in CALLS for name in names])
+@pytest.mark.parametrize(("name", "call"), [(name, call) for name, calls in CALLS.items() for call in calls])
 def test_a_row_without_a_key_is_refused_by_the_name_of_the_column(name, call, nothing):
     table = twins().astype({name: object})
     table.loc[3, name] = nothing
@@ -89,7 +96,7 @@ def test_a_row_without_a_key_is_refused_by_the_name_of_the_column(name, call, no
         call(table, np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("call", [call for call, _ in CALLS])
+@pytest.mark.parametrize("call", [call for calls in CALLS.values() for call in calls])
 def test_a_column_that_stands_twice_or_holds_words_is_refused(call):
     table = twins().astype({"seed": "Int64", "y": "Float64"})
     with pytest.raises(SegarError, match=r"the table has 2 columns '(seed|y)'"):

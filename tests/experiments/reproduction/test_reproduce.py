@@ -50,6 +50,7 @@ def pretend(work):
 def train_but_for_one(work):
     """Stands for training that fails in one cell."""
     if grid_point(work.run).panel == "empty-hard" and work.run.levels.count == 10:
+        print("a last word")
         raise ValueError("the loss is not finite")
     return pretend(work)
 
@@ -85,12 +86,14 @@ def test_every_run_is_trained_once_after_a_plan(tmp_path, capfd):
 
 
 @pytest.mark.usefixtures("one_process")
-def test_finished_runs_of_other_code_are_kept_or_trained_anew(tmp_path, capfd):
+def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path, capfd):
     reproduce(asked(tmp_path), pretend, finish_nothing)
     folders = [path.parent for path in tmp_path.glob(f"*hard*/{VERSIONS}")]
     for folder in folders:
         versions = read_versions(folder)
         write_json(folder / VERSIONS, {**versions, "code": {**versions["code"], "kernel": "another"}})
+    with pytest.raises(ConfigError, match="2 finished runs were made by other code than this; changed since: kernel"):
+        reproduce(asked(tmp_path), pretend, finish_nothing)
     reproduce(asked(tmp_path, stale="keep"), pretend, finish_nothing)
     assert len(trained(tmp_path)) == 4
     capfd.readouterr()
@@ -127,22 +130,29 @@ def test_what_cannot_be_run_is_told(tmp_path):
         reproduce(asked(tmp_path, scale=ScaleConfig(name="huge")), pretend, finish_nothing)
 
 
-@pytest.mark.usefixtures("one_process")
-def test_a_failing_run_stops_no_other_and_is_named_with_its_log_and_in_tables_and_report(tmp_path, capfd, register):
-    register(
-        REPORTS, tables="segar.analysis.collect:collect_tables", report="segar.analysis.report.make:report_results"
-    )
-    config = asked(tmp_path)
+@pytest.mark.slow
+def test_a_failing_run_stops_no_other_and_is_named_with_its_log(tmp_path, capfd):
     with pytest.raises(TrainingError) as told:
-        reproduce(config, train_but_for_one)
+        reproduce(asked(tmp_path), train_but_for_one, finish_nothing)
     assert len(trained(tmp_path)) == 3
     message = str(told.value)
     assert message.startswith("1 of 4 failed:\n  empty-hard-n10-state-ppo-s1-")
     assert "ValueError: the loss is not finite" in message
     assert "the same command does only what is missing" in message
-    assert Path(message.partition("log: ")[2].splitlines()[0]).exists()
+    log = Path(message.partition("log: ")[2].splitlines()[0])
+    assert "a last word" in log.read_text() and "in train_but_for_one" in log.read_text()
+    assert "[4/4]" in capfd.readouterr().out
+
+
+@pytest.mark.usefixtures("one_process")
+def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, capfd, register):
+    register(
+        REPORTS, tables="segar.analysis.collect:collect_tables", report="segar.analysis.report.make:report_results"
+    )
+    config = asked(tmp_path)
+    with pytest.raises(TrainingError, match="1 of 4 failed"):
+        reproduce(config, train_but_for_one)
     said = capfd.readouterr().out
-    assert "[4/4]" in said
     assert f"{config.folder / 'runs.parquet'}: 3 runs; transfers.parquet: 0 transfers" in said
     assert "missing: empty-hard-n10-state-ppo-s1-" in said and ": not begun" in said
     assert "In the report: 3 runs. Missing, runs or tests: 1." in said
