@@ -84,9 +84,9 @@ test-training: TRAINING := tests/experiments tests/examples
 test test-training: $(STAMP)
 	$(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder $(TRAINING) $(ARGS)
 
-# A page is run by one process, and the pages are shared out.
+# Pages take seconds to a minute each, so a process gets the next one when it is done.
 test-docs: $(STAMP)
-	$(PY) -m pytest -q -n 2 --dist loadgroup -m "docs and not slow" tests $(ARGS)
+	$(PY) -m pytest -q -n 2 --dist load --maxschedchunk 1 -m "docs and not slow" tests $(ARGS)
 
 check-results: $(STAMP)
 	$(PY) -m pytest -q -n 2 --dist loadscope -m "results and not slow" tests $(ARGS)

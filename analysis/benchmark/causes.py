@@ -22,14 +22,15 @@ def causes_in(episodes: pd.DataFrame) -> pd.DataFrame:
     Args:
         episodes: of :meth:`segar.experiments.benchmarking.row.Row.results`, one on each test level and twin.
     """
+    twins = keep(episodes, episodes["levels"].str.startswith((TWIN, CONTROL)))
+    both = twins.merge(select(episodes, levels="test"), on=["suite", "seed", "level"])
     lines = []
-    for (name, seed), part in episodes.groupby(["suite", "seed"], sort=False, dropna=False):  # type: ignore[misc]
-        for played in (one for one in dict.fromkeys(part["levels"]) if one.startswith((TWIN, CONTROL))):
-            both = select(part, levels=played).merge(select(part, levels="test"), on="level")
-            twin, level = both[["success_x", "success_y"]].to_numpy(np.float64).T
-            differs = played.startswith(TWIN)
-            group = played.removeprefix(TWIN if differs else CONTROL)
-            lines.append({"suite": name, "seed": seed, **Cause.of_levels(group, differs, level, twin).row()})
+    by_set = both.groupby(["suite", "seed", "levels_x"], sort=False, dropna=False)
+    for (name, seed, played), part in by_set:  # type: ignore[misc]
+        twin, level = part[["success_x", "success_y"]].to_numpy(np.float64).T
+        differs = played.startswith(TWIN)
+        group = played.removeprefix(TWIN if differs else CONTROL)
+        lines.append({"suite": name, "seed": seed, **Cause.of_levels(group, differs, level, twin).row()})
     return pd.DataFrame(lines)
 
 

@@ -111,7 +111,9 @@ def level_means(row: Row) -> dict[tuple[str, int, str], Floats]:
             more often.
     """
     episodes = row.results().to_pandas()
-    played = episodes.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]]
+    played = keep(episodes, episodes["levels"].isin(SIDES)).groupby(["suite", "seed", "levels", "level"], dropna=False)[
+        ["return", "success"]
+    ]
     means, counts = played.mean(), played.size()
     for piece in row.pieces:
         n, of = len(suite_of(row, piece).test_levels), counts.loc[piece.suite, piece.seed, "test"]

@@ -4,7 +4,6 @@ A ``python`` block is a file of the package ``my_lab``. A ``bash`` block is run 
 programs around it. Other blocks (``sh``, ``yaml``, ``text``) are not run.
 """
 
-import functools
 import importlib
 import json
 import os
@@ -14,7 +13,6 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -56,7 +54,6 @@ class Program:
         slow: whether a training comes before it, or it trains itself.
     """
 
-    page: str
     name: str
     source: str
     output: str | None
@@ -77,7 +74,7 @@ def programs_of(page: Path) -> list[Program]:
         slow = trains or any(program.slow for program in found)
         name = file[1] if file else f"{n}.sh"
         output = following[1] if following[0] == "text" else None
-        found.append(Program(name_of(page), name, body, output, slow))
+        found.append(Program(name, body, output, slow))
     return found
 
 
@@ -91,10 +88,8 @@ TEXTS = [*(ROOT / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG
 PROGRAMS = [program for programs in PAGES.values() for program in programs]
 
 
-@functools.cache
-def printed_by(page: str, with_slow: bool) -> tuple[dict[str, str], str]:
-    """What the programs of a page print, up to the first that fails, and the error output."""
-    chosen = [program for program in PAGES[page] if with_slow or not program.slow]
+def printed_by(chosen: list[Program]) -> tuple[dict[str, str], str]:
+    """What the chosen programs print, up to the first that fails, and the error output."""
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / "my_lab"
         package.mkdir()
@@ -113,16 +108,20 @@ def printed_by(page: str, with_slow: bool) -> tuple[dict[str, str], str]:
         return (json.loads(result.read_text()) if result.exists() else {}), run.stderr
 
 
-def as_parameter(program: Program) -> Any:
-    marks = [pytest.mark.xdist_group(program.page)] + [pytest.mark.slow] * program.slow
-    return pytest.param(program, id=f"{program.page}-{program.name}", marks=marks)
-
-
-@pytest.mark.parametrize("program", [as_parameter(program) for program in PROGRAMS])
-def test_a_program_runs_and_prints_what_the_page_says(program):
-    printed, error_output = printed_by(program.page, program.slow)
-    assert program.name in printed, error_output
-    assert printed[program.name] == (program.output or "")
+# A page that trains runs twice: up to its first training, and as a whole in `make test-slow`.
+@pytest.mark.parametrize(
+    ("page", "with_slow"),
+    [
+        pytest.param(page, with_slow, id=page + " slow" * with_slow, marks=[pytest.mark.slow] * with_slow)
+        for page, programs in PAGES.items()
+        for with_slow in (False, True)
+        if any(program.slow == with_slow for program in programs)
+    ],
+)
+def test_the_programs_of_a_page_run_and_print_what_it_says(page, with_slow):
+    chosen = [program for program in PAGES[page] if with_slow or not program.slow]
+    printed, error_output = printed_by(chosen)
+    assert printed == {program.name: program.output or "" for program in chosen}, error_output
 
 
 def test_no_program_that_runs_names_a_place_that_the_reader_has_to_fill_in():
