@@ -100,7 +100,7 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
 
     What only results say, such as a column of figures, is known to the report alone.
     """
-    columns_of = columns_of_works(experiment, works)
+    columns_of = columns_of_works(experiment, works) if experiment.claims else []
     known: dict[str, set[str]] = {}
     for _, columns in columns_of:
         for name, value in columns.items():
