@@ -462,6 +462,8 @@ def with_names(arguments: Sequence[str]) -> list[str]:
     """A command line in which ``suite`` is no group of choices, and a player no algorithm."""
     found = []
     given = [name for name, equals, _ in (text.partition("=") for text in arguments) if equals]
+    if seeds := [name for name in ("seed", "seeds") if name in given and not {"verify", "again"}.isdisjoint(given)]:
+        raise ConfigError(f"{seeds[0]}: verify and again take a row with all of its seeds; leave {seeds[0]} out")
     elsewhere = next((name for name in ("policy", "actions") if name in given), None)
     if elsewhere and "algorithm" in given:
         raise ConfigError(f"algorithm: {elsewhere} is of a method that was trained elsewhere; leave algorithm out")

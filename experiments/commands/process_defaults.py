@@ -36,7 +36,9 @@ def set_process_defaults(num_threads: int = 1) -> None:
     """Threads for torch, one unless said otherwise, so that runs side by side do not fight; and glibc's allocator tuned."""
     import torch
 
-    if not gc.get_freeze_count():  # once: what a run leaves behind must be found before the next one in this process
+    if gc.get_freeze_count():  # in this process was another run, whose replay, gigabytes of frames, lies in a cycle
+        gc.collect()
+    else:
         gc.freeze()
     gc.set_threshold(COLLECT_EVERY, *gc.get_threshold()[1:])
     torch.set_num_threads(num_threads)

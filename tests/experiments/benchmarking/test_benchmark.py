@@ -598,6 +598,8 @@ def test_a_command_line_names_suites_and_players():
     given = ["suite=core", "algorithm=idle", "algorithm=ppo_fast", "seed=1,2", "--multirun"]
     with pytest.raises(ConfigError, match="algorithm: policy is of a method that was trained elsewhere"):
         with_names(["algorithm=sac", "policy=a:b", "row=mine"])
+    with pytest.raises(ConfigError, match="seeds: verify and again take a row with all of its seeds; leave seeds out"):
+        with_names(["verify=idle", "seeds=2"])
     assert with_names(given) == ["suites=core", "player=idle", "algorithm=ppo_fast", "seed=1,2", "--multirun"]
     words = with_names([f"salt={text}" for text in ("0012", "it's, mine", "'quoted'")])
     assert words == ["salt='0012'", r"salt='it\'s, mine'", "salt='quoted'"]

@@ -12,7 +12,7 @@ from tests.places import ROOT
 NO_RUNS = ("__init__",)
 COMMANDS = sorted({path.stem for path in (ROOT / "experiments").glob("*.py")} - {*NO_RUNS})
 SCRIPT = """
-import gc, json, os, resource, weakref
+import json, os, resource, weakref
 from segar.experiments.commands.process_defaults import set_process_defaults
 set_process_defaults(2)
 import torch
@@ -30,8 +30,7 @@ def faults():
 faults()  # the heap grows to what is needed
 said = {"faults": faults(), "threads": torch.get_num_threads(), "policy": os.environ["OMP_WAIT_POLICY"]}
 left = left_behind()
-set_process_defaults(2)
-gc.collect()
+set_process_defaults(2)  # as the next run does
 print(json.dumps({**said, "left": left() is not None}))
 """
 

@@ -196,7 +196,10 @@ def test_distances_stand_first_exact_w2_before_all_and_own_results_beside_succes
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "md"])
 def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, capsys):
-    written(tmp_path / "runs" / "a")
+    for name, seed, own in (("a", 0, True), ("c", 2, 0.5)):  # a figure may be a truth in one run and a number in another
+        written(tmp_path / "runs" / name, seed=seed)
+        summary = tmp_path / "runs" / name / SUMMARY
+        write_json(summary, {**json.loads(summary.read_text()), "own": own})
     write_run(settings(tmp_path, folder=str(tmp_path / "runs" / "b"), seed=1), finished=False)
     path = tmp_path / f"all.{suffix}"
     said = told(capsys, root=str(tmp_path / "runs"), output=str(path))
@@ -205,8 +208,8 @@ def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, capsys):
     elif suffix == "parquet":
         names = pq.read_table(path)["run"].to_pylist()
     else:
-        names = [line.split()[1] for line in path.read_text().splitlines()[2:4]]
-    assert names == ["a", "b"]
+        names = [line.split()[1] for line in path.read_text().splitlines()[2:5]]
+    assert names == ["a", "b", "c"]
     means = f"all.means.{suffix}" if suffix != "md" else "(no file)"
     assert {one.name for one in tmp_path.iterdir()} - {"runs", path.name} == {means} - {"(no file)"}
     assert any(line.endswith(means) for line in said.splitlines()) == (suffix != "md")
