@@ -268,7 +268,8 @@ def figures_of_run(summary: Mapping[str, Any], episodes: pa.Table | None) -> dic
     rows = episodes.to_pylist() if episodes is not None and lacking else []
     for levels, mode in product(lacking, ACTION_MODES):
         summary |= result_figures(rows, levels, mode)
-    named = {_column(key): +one for key, one in summary.items() if misfit(one, (bool, int, float)) is None}  # +True is 1
+    # +one: of truths, 0 or 1
+    named = {_column(key): +one for key, one in summary.items() if misfit(one, (bool, int, float)) is None}
     return named | (performance(episodes) if episodes is not None else {})
 
 

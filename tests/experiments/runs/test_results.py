@@ -196,7 +196,7 @@ def test_distances_stand_first_exact_w2_before_all_and_own_results_beside_succes
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "md"])
 def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, capsys):
-    for name, seed, own in (("a", 0, True), ("c", 2, 0.5)):  # a figure may be a truth in one run and a number in another
+    for name, seed, own in (("a", 0, True), ("c", 2, 0.5)):  # of a figure, in one table
         written(tmp_path / "runs" / name, seed=seed)
         summary = tmp_path / "runs" / name / SUMMARY
         write_json(summary, {**json.loads(summary.read_text()), "own": own})
