@@ -111,9 +111,8 @@ def level_means(row: Row) -> dict[tuple[str, int, str], Floats]:
             more often.
     """
     episodes = row.results().to_pandas()
-    played = keep(episodes, episodes["levels"].isin(SIDES)).groupby(["suite", "seed", "levels", "level"], dropna=False)[
-        ["return", "success"]
-    ]
+    of_sides = keep(episodes, episodes["levels"].isin(SIDES))
+    played = of_sides.groupby(["suite", "seed", "levels", "level"], dropna=False)[["return", "success"]]
     means, counts = played.mean(), played.size()
     for piece in row.pieces:
         n, of = len(suite_of(row, piece).test_levels), counts.loc[piece.suite, piece.seed, "test"]

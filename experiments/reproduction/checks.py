@@ -83,10 +83,10 @@ def check_transfers(works: Iterable[RunTask]) -> None:
 
 
 def columns_of_works(experiment: Experiment, works: Sequence[RunTask]) -> list[tuple[RunTask, dict[str, str]]]:
-    """The runs of an experiment, each with the columns that claims may name before there are results."""
+    """The runs of an experiment, each with the columns that claims may name before there are results; none without claims."""
     varied = experiment.grid.vary if experiment.grid else {}
     found = []
-    for work in works:
+    for work in works if experiment.claims else ():
         run, cell = work.run, grid_point(work.run)
         place_columns = {"panel": cell.panel, "levels": cell.count, "seed": run.levels.seed, AGENT_SEED: run.seed}
         place_columns["cell"] = "-".join((cell.family, cell.difficulty, str(cell.count)))
@@ -100,7 +100,7 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
 
     What only results say, such as a column of figures, is known to the report alone.
     """
-    columns_of = columns_of_works(experiment, works) if experiment.claims else []
+    columns_of = columns_of_works(experiment, works)
     known: dict[str, set[str]] = {}
     for _, columns in columns_of:
         for name, value in columns.items():
@@ -157,7 +157,7 @@ def untestable_claims(experiment: Experiment, works: Sequence[RunTask]) -> Itera
     The blocks are those of the report, as far as they are known before there are results: seeds whose level sets turn out to be
     equal are told apart here.
     """
-    columns_of = columns_of_works(experiment, works) if experiment.claims else []
+    columns_of = columns_of_works(experiment, works)
     for name, stated in experiment.claims.items():
         claim = claim_config(stated, f"claims.{name}")
         runs = [columns for work, columns in columns_of if counts(claim, work, columns, works)]
